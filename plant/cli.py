@@ -21,6 +21,7 @@ from protocol.options import finite, numbers_kept, whole
 from protocol.world import Point, World, WorldCircle, as_json, bad_name
 from runtime.cli.parsers import add_subcommands, new_parser
 from runtime.errors import EXIT_OK, EXIT_USAGE
+from runtime.files import replace
 
 PER_FAMILY: Final = 27
 MAX_PER_FAMILY: Final = 10_000
@@ -122,7 +123,7 @@ def write(worlds: Iterable[tuple[World, str]], directory: Path, *, force: bool =
                 fix = "give another --out, rename the map, or --force to replace it"
                 problem = WorldProblem(str(path), None, "name", "another world is there", fix)
                 raise WorldError([problem])
-            path.write_text(text, encoding="utf-8")
+            replace(path, text)
             count += 1
     except WorldError as error:
         print(error, file=sys.stderr)

@@ -12,7 +12,8 @@ also its depth or length.
 import json
 import os
 import stat
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from errno import EFBIG, EINVAL
 from pathlib import Path
 from typing import Any, BinaryIO, Final
@@ -46,6 +47,29 @@ def replace_named(path: Path, text: str) -> None:
         replace(path, text)
     except OSError as error:
         raise UserError(f"{path}: {(error.strerror or 'cannot be written').lower()}") from error
+
+
+@contextmanager
+def drafted(path: Path) -> Iterator[Path]:
+    """Yield a path to write to, whose file replaces `path` at the end as a whole.
+
+    After an error or an interruption no part of it is left, and the file is as it was. A pipe or a
+    device is written directly. OSError names the file by its own path.
+    """
+    file = Path(os.path.realpath(path))
+    if os.path.exists(file) and not os.path.isfile(file):
+        yield path
+        return
+    draft = file.with_name(f".{file.stem}.part{file.suffix}")
+    try:
+        yield draft
+        os.replace(draft, file)
+    except BaseException as error:
+        with suppress(OSError):
+            os.unlink(draft)
+        if isinstance(error, OSError) and error.filename is not None:
+            error.filename, error.filename2 = str(path), None
+        raise
 
 
 def remove(path: Path) -> None:

@@ -44,7 +44,7 @@ from robot.core.values import Outputs, Pose, Wheels, wrap
 from robot.hosting import ORIGIN, InProcessCore
 from robot.parameter_table import with_values
 from runtime.errors import ConfigError, not_a_number
-from runtime.files import text_in
+from runtime.files import drafted, text_in
 from runtime.units import PERIOD_MS
 from study.trial.core_loop import CoreLoop
 
@@ -112,7 +112,7 @@ class CalibrationLogLine(NamedTuple):
 
 def write_log(path: Path, runs: Iterable[SquareRun]) -> None:
     """Write a log; raise OSError."""
-    with path.open("w", encoding="utf-8", newline="") as file:
+    with drafted(path) as draft, draft.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(COLUMNS)
         for number, run in enumerate(runs, 1):

@@ -2,10 +2,10 @@
 
 import sys
 from collections.abc import Iterable
-from contextlib import nullcontext, suppress
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final, NamedTuple, Self, TextIO
+from typing import Any, Final, NamedTuple, Self
 
 from ground.client.connection import within
 from ground.client.outcomes import Progress
@@ -28,6 +28,7 @@ from ground.recording.tables import (
 from protocol.options import finite
 from runtime.cli.verb import REC
 from runtime.errors import UserError
+from runtime.files import drafted
 
 MIN_RATE_HZ: Final = 0.01
 MAX_RATE_HZ: Final = 1000.0
@@ -218,14 +219,10 @@ def table_of(asked: Export, axis: TimeAxis) -> tuple[list[TableColumn], Iterable
 
 def write(asked: Export, columns: list[TableColumn], rows: Iterable[Row]) -> int:
     """Write the rows and return their number."""
-    if asked.format == "parquet":
-        return write_parquet(Path(asked.out or ""), columns, rows)
-    with target_of(asked.out) as target:
-        return write_csv(target, columns, rows)
-
-
-def target_of(out: str | None) -> "nullcontext[TextIO] | TextIO":
-    """Open the output file, or standard output."""
-    if out is None:
-        return nullcontext(sys.stdout)
-    return open(out, "w", encoding="utf-8", newline="")
+    if asked.out is None:
+        return write_csv(sys.stdout, columns, rows)
+    with drafted(Path(asked.out)) as path:
+        if asked.format == "parquet":
+            return write_parquet(path, columns, rows)
+        with path.open("w", encoding="utf-8", newline="") as target:
+            return write_csv(target, columns, rows)

@@ -22,7 +22,7 @@ from protocol.world import WorldRun, run_in
 from runtime.cli.terminal import printable_lines
 from runtime.cli.verb import LOOK
 from runtime.errors import UserError
-from runtime.files import value_in
+from runtime.files import drafted, value_in
 from runtime.units import NS_PER_S
 
 WORLD: Final = "world.json"
@@ -175,16 +175,11 @@ def picture_of(source: Path, progress: Progress) -> bytes:
 
 def write(target: Path, recordings: list[Path], contents: dict[str, bytes]) -> None:
     """Write the archive; after an error no part of it is left. Raises OSError."""
-    draft = target.with_name(f".{target.name}.part")
-    try:
-        with ZipFile(draft, "w", ZIP_DEFLATED) as archive:
-            for name, data in contents.items():
-                archive.writestr(entry(name), data)
-            for path in recordings:
-                archive.writestr(entry(path.name), path.read_bytes())
-        draft.replace(target)
-    finally:
-        draft.unlink(missing_ok=True)
+    with drafted(target) as draft, ZipFile(draft, "w", ZIP_DEFLATED) as archive:
+        for name, data in contents.items():
+            archive.writestr(entry(name), data)
+        for path in recordings:
+            archive.writestr(entry(path.name), path.read_bytes())
 
 
 def entry(name: str) -> ZipInfo:

@@ -19,6 +19,7 @@ from ground.recording.world_metadata import discs, outlines
 from protocol.outcome import OUTSIDE
 from protocol.world import World
 from runtime.errors import UserError
+from runtime.files import drafted
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -203,7 +204,8 @@ def write(path: Path, run: FigureContents, style: Style) -> None:
         draw_map(place, run.series, run.world, run.fence)
         draw_over_time(plots, run.series)
         explain(figure, place, plots, run, style)
-        figure.savefig(path, metadata=UNDATED[path.suffix])
+        with drafted(path) as draft:
+            figure.savefig(draft, metadata=UNDATED[path.suffix])
 
 
 def height_in(style: Style, world: World | None) -> float:

@@ -23,6 +23,7 @@ from robot.parameter_table import OutOfRangeError, adjusted, with_values
 from robot.storage import Store
 from runtime.cli.parsers import new_parser
 from runtime.errors import UserError
+from runtime.files import drafted
 from study import calibration
 from study.calibration import (
     CCW,
@@ -176,7 +177,8 @@ def write(path: Path, result: CalibrationResult) -> None:
     handles, labels = panels[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=4, frameon=False)
     figure.suptitle(f"Return errors: {result.source}", color=INK)
-    figure.savefig(path, metadata={"Date": None} if path.suffix == ".svg" else None)
+    with drafted(path) as draft:
+        figure.savefig(draft, metadata={"Date": None} if path.suffix == ".svg" else None)
 
 
 def draw(axes: "Axes", runs: Sequence[SquareRun], params: Params, mark: Umbmark) -> None:
@@ -278,7 +280,8 @@ def save(options: argparse.Namespace, result: CalibrationResult, command: str) -
     if options.save_log:
         calibration.write_log(Path(options.save_log), result.first)
     if options.output:
-        Path(options.output).write_text(as_toml(result, command), encoding="utf-8")
+        with drafted(Path(options.output)) as draft:
+            draft.write_text(as_toml(result, command), encoding="utf-8")
     if options.state:
         store(Path(options.state), DEFAULTS, result.values)
     if options.plot:

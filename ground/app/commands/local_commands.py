@@ -26,6 +26,7 @@ from ground.recording.catalogue import recording_named
 from ground.text.wording import THEMES
 from protocol.topics import ODOMETRY
 from runtime.errors import UserError
+from runtime.files import replace_named
 
 if TYPE_CHECKING:
     from ground.app.app import GroundApp
@@ -110,10 +111,7 @@ class LocalCommands:
         if path is None:
             self.do("shot")
             return ""
-        try:
-            path.write_text(self._app.export_screenshot(), encoding="utf-8")
-        except OSError as error:
-            raise UserError(f"{path}: {error.strerror}") from error
+        replace_named(path, self._app.export_screenshot())
         return f"saved {path}"
 
     def layers(self, names: tuple[str, ...]) -> None:

@@ -20,7 +20,7 @@ from ground.map.canvas import Canvas
 from ground.station.history.time_series import SERIES, Series, numeric_fields
 from ground.station.station import Station
 from ground.user.folders import free_path
-from runtime.files import replace_named
+from runtime.files import drafted, replace_named
 
 WINDOWS_S: Final = (15.0, 30.0, 60.0, 120.0, 300.0, 600.0)
 DRAWN_HZ: Final = 4.0
@@ -229,7 +229,8 @@ def exported(figure: Sparkline, span: TimeSpan, points: Sequence[Point]) -> str:
     axes.set(xlabel="time before the end [s]", ylabel=f"{figure.label}{unit}")
     axes.set_xlim(-span.window_s, 0.0)
     axes.grid(visible=True, alpha=0.3)
-    drawing.savefig(table.with_suffix(".svg"))
+    with drafted(table.with_suffix(".svg")) as draft:
+        drawing.savefig(draft)
     return f"saved {table.with_suffix('.svg')} and {table.name}"
 
 

@@ -15,6 +15,7 @@ from ground.text.output import Output
 from ground.user.folders import recordings_folder
 from runtime.cli.parsers import add_subcommands
 from runtime.errors import UserError
+from runtime.files import drafted
 
 if TYPE_CHECKING:
     from vehicle_check.judge import CheckOutcome
@@ -150,7 +151,8 @@ def expect_writable(path: Path) -> None:
 def write(path: Path, data: bytes) -> None:
     """Write the file; UserError if that fails."""
     try:
-        path.write_bytes(data)
+        with drafted(path) as draft:
+            draft.write_bytes(data)
     except OSError as error:
         raise UserError(f"--junit {path}: {error.strerror or error}") from error
 

@@ -233,6 +233,30 @@ def setting(path: Path) -> None:
     set_setting("bell", "false")
 
 
+def write_half(path: Path) -> None:
+    with files.drafted(path) as draft:
+        draft.write_text("half")
+        raise OSError(errno.ENOSPC, "No space left on device", str(draft))
+
+
+def test_draft_replaces_the_file_only_when_it_is_whole(tmp_path: Path) -> None:
+    path = tmp_path / "table.csv"
+    path.write_text("before")
+    with pytest.raises(OSError, match="No space left") as caught:
+        write_half(path)
+    assert caught.value.filename == str(path)
+    assert [one.name for one in tmp_path.iterdir()] == ["table.csv"]
+    assert path.read_text() == "before"
+    with files.drafted(path) as draft:
+        draft.write_text("whole")
+    assert path.read_text() == "whole"
+
+
+def test_draft_of_a_device_is_the_device_itself() -> None:
+    with files.drafted(Path("/dev/null")) as draft:
+        assert draft == Path("/dev/null")
+
+
 READERS: dict[str, Callable[[Path], object]] = {
     "config.toml": settings,
     "./config.toml": setting,
