@@ -44,6 +44,11 @@ $(READY): pyproject.toml constraints.txt $(if $(USABLE),,afresh)
 	flock 9
 	usable() { [ -x .venv/bin/python ] && [ "$$(cat $@ 2>&1)" = "$(CURDIR)" ]; }
 	if usable && [ -z "$$(find pyproject.toml constraints.txt -newer $@)" ]; then exit 0; fi
+	if [ ! -w . ]; then
+		echo "make setup: $(CURDIR) is read-only, so .venv cannot be made or renewed in it." >&2
+		echo "            Copy the checkout, or: uvx --from $(CURDIR) sidestep up" >&2
+		exit 1
+	fi
 	if usable; then
 		echo "Bringing .venv up to date."
 		rm $@
