@@ -263,7 +263,7 @@ def test_client_that_is_back_at_another_address_gets_control(back: Sender, quiet
     bench.send(HEARTBEAT, back)
     bench.perform(back, Hold(), answers)
     bench.perform(back, Resume(), answers)
-    told = bench.after(0.95)
+    told = bench.after(0.75)
     assert bench.vehicle.control.holds(back)
     assert bench.port.performed == [Arm(), Hold(), Resume()]
     assert len(bench.port.leases) == 1, "the robot's lease stays with the gateway"
