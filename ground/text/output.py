@@ -7,10 +7,33 @@ from collections.abc import Sequence
 from math import isfinite
 from typing import Final, TextIO
 
-from ground.text.wording import Part, fitted, in_words
+from ground.text.wording import NUMBER, Part, fitted, in_words, spoken
 from runtime.cli.terminal import DIM, LINE_START, PLAIN, guarded, steer
+from runtime.clock import Clock
+from runtime.units import NS_PER_S
 
 DEFAULT_WIDTH: Final = 80
+
+
+READ_NS: Final = 10 * NS_PER_S
+"""A screen reader takes six to nine seconds for a line."""
+
+
+class SpokenLines:
+    """Prints lines for a screen reader: when the first words change, else every ten seconds."""
+
+    def __init__(self, output: "Output", clock: Clock) -> None:
+        self._output, self._clock = output, clock
+        self._lead = ""
+        self._due_ns = clock.now_ns()
+
+    def show(self, parts: Sequence[Part]) -> None:
+        """Print the present state, if it is time; a number is no word."""
+        now_ns, text = self._clock.now_ns(), in_words(parts)
+        lead = NUMBER.sub("", parts[0].text) if parts else ""
+        if lead != self._lead or now_ns >= self._due_ns:
+            self._lead, self._due_ns = lead, now_ns + READ_NS
+            self._output.note(spoken(text))
 
 
 class Output:

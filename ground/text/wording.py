@@ -6,6 +6,7 @@ The colour of a state and its reason are decided here for the side panel, the st
 roster and the stop band.
 """
 
+import re
 from collections.abc import Iterable, Sequence
 from math import degrees, inf, isfinite, pi, remainder
 from typing import Final, NamedTuple
@@ -231,3 +232,23 @@ def present_reason(status: NavigatorStatus) -> int:
     if status.vehicle != Vehicle.ACTIVE or status.mode not in GOAL_MODES:
         return status.vehicle_reason
     return Reason.NONE if status.goal_reason in STOPS else status.goal_reason
+
+
+NUMBER: Final = re.compile(r"-?\d+(?:\.\d+)?")
+SPOKEN: Final = (
+    (re.compile(r"(?<=\d) m/s\b"), " metres per second"),
+    (re.compile(r"(?<=\d) m\b"), " metres"),
+    (re.compile(r"(?<=\d) s\b"), " seconds"),
+    (re.compile(r"(?<=\d) us\b"), " microseconds"),
+    (re.compile(r"(?<=\d) deg\b"), " degrees"),
+    (re.compile(r"--"), "unknown"),
+    (re.compile(r"  +"), ", "),
+)
+"""How a screen reader should pronounce units; a comma is a pause."""
+
+
+def spoken(text: str) -> str:
+    """Return a status line as it is read aloud."""
+    for pattern, words in SPOKEN:
+        text = pattern.sub(words, text)
+    return text

@@ -13,7 +13,7 @@ from ground.client.robot_link import LISTEN_NS, RobotLink, open_link
 from ground.client.status_line import watch_line
 from ground.client.telemetry import SUMMARY_TOPICS, Telemetry
 from ground.robot import Robot
-from ground.text.output import Output
+from ground.text.output import Output, SpokenLines
 from ground.text.wording import aged
 from protocol.topics import HEARTBEAT, STATUS, TEXT
 from protocol.wire.codec import decode
@@ -34,21 +34,24 @@ def follow(common: Common) -> int:
     return 0
 
 
-def show_status(link: RobotLink, output: Output, *, beats: bool) -> None:
+def show_status(link: RobotLink, output: Output, *, beats: bool, spoken: bool = False) -> None:
     """Show the state until a signal ends the process; with `beats` it is also the operator.
+
+    `spoken` prints lines for a screen reader.
 
     The signal raises: it has to end a write to a terminal that blocks, too.
     """
     robot = Robot(link.bus, link.common, clock=link.clock, leasing=Leasing.NEVER)
-    asyncio.run(LiveStatus(robot, output).run(beats=beats))
+    asyncio.run(LiveStatus(robot, output, spoken=spoken).run(beats=beats))
 
 
 class LiveStatus:
     """The state of a robot and its texts, as lines."""
 
-    def __init__(self, robot: Robot, output: Output) -> None:
+    def __init__(self, robot: Robot, output: Output, *, spoken: bool = False) -> None:
         self._robot = robot
         self._output = output
+        self._spoken = SpokenLines(output, robot.clock) if spoken else None
         self._texts = StatustextAssembler()
         self._frames: deque[tuple[bytes, int]] = deque(maxlen=MAX_WAITING)
         self._pace = HeartbeatTimer()
@@ -72,7 +75,11 @@ class LiveStatus:
                     robot.lease.beat()
                 if now_ns - shown_ns >= every_ns:
                     shown_ns = now_ns
-                    self._output.line(watch_line(telemetry, now_ns))
+                    parts = watch_line(telemetry, now_ns)
+                    if self._spoken is None:
+                        self._output.line(parts)
+                    else:
+                        self._spoken.show(parts)
                 await self._explain_silence(telemetry, now_ns)
                 await robot.sleep_until(now_ns + TICK_NS)
 

@@ -26,7 +26,9 @@ def ground_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of `ground`."""
     add_common(parser)
     parser.add_argument(
-        "--plain", action="store_true", help="print one line per second, as without a terminal"
+        "--plain",
+        action="store_true",
+        help="lines for a screen reader: at each change of state, else every 10 s",
     )
     add_recording(parser)
     add_appearance_options(parser)
@@ -55,7 +57,7 @@ def act_ground(options: argparse.Namespace, link: RobotLink, output: Output) -> 
     link.bus.announce()
     output.note(f"operator of {link.name}; Ctrl-C ends the heartbeat, and a robot in GUIDED stops")
     with StopServer(link):
-        show_status(link, output, beats=True)
+        show_status(link, output, beats=True, spoken=options.plain)
     return 0
 
 

@@ -41,7 +41,7 @@ from ground.launch.scenario import (
 from ground.launch.tls_configs import ground_file, locked
 from ground.recording.catalogue import size_of_run
 from ground.recording.log_reader import parts_of
-from ground.text.output import Output
+from ground.text.output import Output, SpokenLines
 from ground.text.wording import Part
 from ground.text.wording import in_words as in_line
 from ground.user.folders import recordings_folder
@@ -78,7 +78,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--stay", action="store_true", help=text)
     text = "no goals: the robots wait for yours; stays, as with --stay"
     parser.add_argument("--no-goal", action="store_true", help=text)
-    help = "no screen, and one line per second, as in `ground --plain`"
+    help = "no screen, and lines for a screen reader, as in `ground --plain`"
     parser.add_argument("--plain", action="store_true", help=help)
     add_recording(parser)
     add_appearance_options(parser)
@@ -372,14 +372,16 @@ def progress_display(
 ) -> Callable[[list[Part]], None]:
     """Return a display: a live line in a terminal, elsewhere a note every few seconds.
 
-    `in_lines`: a note every second, in a terminal, too.
+    `in_lines`: notes for a screen reader, in a terminal, too.
     """
-    every_ns = NS_PER_S if in_lines else PLAIN_NS
+    if in_lines:
+        return SpokenLines(output, clock).show
+    every_ns = PLAIN_NS
     shown_ns = clock.now_ns() - every_ns
 
     def run_with_app(parts: list[Part]) -> None:
         nonlocal shown_ns
-        is_live = output.live and not in_lines
+        is_live = output.live
         if is_live or clock.now_ns() - shown_ns >= every_ns:
             shown_ns = clock.now_ns()
             if is_live:

@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from checks.harness.messages import make
-from ground.text.output import Output
+from ground.text.output import Output, SpokenLines
 from ground.text.wording import (
     NONE,
     SONAR_NAMES,
@@ -29,6 +29,7 @@ from ground.text.wording import (
     present_reason,
     side,
     sonar,
+    spoken,
     state_role,
     vehicle_role,
 )
@@ -43,6 +44,7 @@ from protocol.wire.statustext import (
 )
 from robot.core.ring import BEARINGS
 from runtime.cli.terminal import DIM
+from runtime.clock import ManualClock
 from tests.support.each import each
 from tests.support.ground.client import CYCLE
 
@@ -375,3 +377,21 @@ def test_echo_is_described_by_its_known_values() -> None:
     assert echo(inf, nan) == "no echo"
     assert echo(nan, nan) == NONE
     assert echo(nan, 0.5) == "echo -- 29° left"
+
+
+def test_plain_line_is_read_aloud_with_units_in_words() -> None:
+    line = "avoiding  3.09 m to go  0.16 m/s  echo 0.18 m  6 s"
+    words = "avoiding, 3.09 metres to go, 0.16 metres per second, echo 0.18 metres, 6 seconds"
+    assert spoken(line) == words
+    assert spoken("driving  -- to go") == "driving, unknown to go"
+
+
+def test_plain_lines_come_at_each_change_else_every_ten_seconds() -> None:
+    clock, err = ManualClock(0), StringIO()
+    lines = SpokenLines(Output(as_json=False, err=err), clock)
+    for second in range(25):
+        state = "avoiding" if second >= 13 else "driving"
+        lines.show([Part(f"{state:<8}"), Part(f"{25 - second} m to go")])
+        clock.advance(1_000_000_000)
+    said = ["driving, 25", "driving, 15", "avoiding, 12", "avoiding, 2"]
+    assert err.getvalue().splitlines() == [f"{one} metres to go" for one in said]
