@@ -145,7 +145,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     for problem in found:
         print(problem, file=sys.stderr)
     if not found:
-        print(f"{options.output}: open index.html, or run python -m http.server -d there")
+        served = f"python -m http.server -d {options.output}"
+        print(f"{options.output}: run {served}, or open index.html without search")
     return int(bool(found))
 
 

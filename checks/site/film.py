@@ -5,6 +5,7 @@ SVG without a script, so that GitHub shows it: each word of the screen is drawn 
 the frames that had it. A still is the last frame.
 """
 
+import os
 import sys
 import tempfile
 from collections.abc import Iterator, Sequence
@@ -19,9 +20,11 @@ from rich.style import Style
 from rich.text import Text
 
 from checks.harness.until import until
+from tests.support.pages import File, steps_of
 from tests.support.screens import Tmux
 
-FOLDER: Final = Path(__file__).resolve().parents[2] / "docs" / "pictures"
+DOCS: Final = Path(__file__).resolve().parents[2] / "docs"
+FOLDER: Final = DOCS / "pictures"
 SECONDS: Final = 1.0
 """From frame to frame of the drive."""
 FASTER: Final = 4.0
@@ -37,25 +40,46 @@ INK: Final = "#d5dce4"
 
 
 class Scene(NamedTuple):
-    """What is filmed: a command line, its keys, and the words that end it.
+    """What is filmed: a shell command, what is typed, and the words that end it.
 
-    `keys` are pairs of words to wait for, and the keys to press then. Only the end of a still is
-    kept.
+    `typed` are pairs of words to wait for, and the text to type then. The files that `page` asks
+    its reader to save are there. Of a scene that does not move only the end is kept.
     """
 
     words: str
     end: str
-    keys: tuple[tuple[str, str], ...] = ()
+    typed: tuple[tuple[str, str], ...] = ()
+    page: str = ""
+    moves: bool = False
     size: tuple[int, int] = (110, 32)
-    moves: bool = True
 
 
+READY: Final = "parameters read"
+ENTER: Final = "\r"
 SCENES: Final = {
-    "screen": Scene("up --no-record --world u_trap", "REACHED"),
-    "first-drive": Scene("up --no-record", "REACHED"),
-    "several-robots": Scene(
-        "up --no-record --robots 3 --world forest_sparse", "AVOIDING", moves=False
+    "screen": Scene("sidestep up --no-record --world u_trap", "REACHED", moves=True),
+    "first-drive": Scene("sidestep up --no-record", "REACHED", moves=True),
+    "mission": Scene(
+        "sidestep up --no-record --no-goal",
+        "DRIVING",
+        (
+            (READY, f":mission upload tour.toml{ENTER}"),
+            ("2 waypoints", f":mission start{ENTER}"),
+        ),
+        page="tutorial/mission.md",
     ),
+    "recording": Scene(
+        "sidestep up --headless --world wall --navigator vgm --speed max --record runs"
+        " && sidestep replay runs/*.mcap",
+        "AVOIDING",
+        (("p Play", "p"),),
+    ),
+    "own-world": Scene(
+        "sidestep up --no-record --world door.toml", "REACHED", page="tutorial/own-world.md"
+    ),
+    "one-tick": Scene("sidestep up --no-record --world disc --navigator vgm", "AVOIDING"),
+    "several-robots": Scene("sidestep up --no-record --robots 3 --world forest_sparse", "AVOIDING"),
+    "people": Scene("sidestep up --no-record --world moving", "AVOIDING"),
 }
 
 Run: TypeAlias = tuple[str, Style]
@@ -182,29 +206,29 @@ def shown_in(numbers: Sequence[int], times: Sequence[float]) -> tuple[str, str]:
 
 def frames_of(scene: Scene) -> list[list[Row]]:
     """Run a scene in a terminal and return its frames."""
-    program = str(Path(sys.executable).with_name("sidestep"))
     frames: list[list[Row]] = []
-    with (
-        tempfile.TemporaryDirectory() as folder,
-        Tmux(Path(folder), [program, *scene.words.split()], scene.size, LOOKS) as terminal,
-    ):
-        terminal.shows("▶ robot", within_s=MOST_S)
-        for shown, keys in scene.keys:
-            terminal.shows(shown, within_s=MOST_S)
-            terminal.press(*keys.split())
+    programs = f"{Path(sys.executable).parent}:{os.environ['PATH']}"
+    looks = {"COLORTERM": "truecolor", "TERM": "xterm-256color", "TZ": "UTC", "PATH": programs}
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        for step in steps_of(DOCS / scene.page) if scene.page else ():
+            if isinstance(step, File):
+                (folder / step.name).write_text(step.text, encoding="utf-8")
+        with Tmux(folder, ["sh", "-c", scene.words], scene.size, looks) as terminal:
+            terminal.shows("▶ robot", within_s=MOST_S)
+            for shown, text in scene.typed:
+                terminal.shows(shown, within_s=MOST_S)
+                terminal.type(text)
 
-        def is_over() -> bool:
-            coloured = terminal.coloured.rstrip("\n")
-            frames.append(rows_of(coloured))
-            return scene.end in coloured
+            def is_over() -> bool:
+                coloured = terminal.coloured.rstrip("\n")
+                frames.append(rows_of(coloured))
+                return scene.end in coloured
 
-        until(is_over, what=scene.end, within_s=MOST_S, poll_s=SECONDS)
-        terminal.press("C-q", "C-q")
-        terminal.ends()
+            until(is_over, what=scene.end, within_s=MOST_S, poll_s=SECONDS)
+            terminal.press("C-q", "C-q")
+            terminal.ends()
     return frames
-
-
-LOOKS: Final = {"COLORTERM": "truecolor", "TERM": "xterm-256color", "TZ": "UTC"}
 
 
 def main() -> int:
@@ -214,8 +238,9 @@ def main() -> int:
         frames = frames_of(scene)
         chosen = frames if scene.moves else frames[-1:]
         path = FOLDER / f"{name}.svg"
-        path.write_text(film(chosen, SECONDS, f"sidestep {scene.words}"), encoding="utf-8")
-        print(f"{path}: {len(chosen)} frames, {path.stat().st_size / 1000:.0f} kB")
+        path.write_text(film(chosen, SECONDS, scene.words), encoding="utf-8")
+        size_kb = path.stat().st_size / 1000
+        print(f"{path}: {len(chosen)} frames, {size_kb:.0f} kB", flush=True)
     return 0
 
 

@@ -21,7 +21,7 @@ from robot.core.navigators import proof as proofs
 from robot.core.navigators.proof import LEAD, TAIL
 from robot.core.navigators.vgm_following import VgmMemory
 from robot.core.values import EVERY, Outputs
-from study.report.charts import DARK, DRAWING_RULES, LIGHT
+from study.report.charts import DARK, DRAWING_RULES, LIGHT, SvgDrawing
 from study.report.drives import DrivenTrial, drive_all, drive_trial
 from study.report.gallery import WorldMap, end_mark, simplified
 from study.trial.core_loop import CoreLoop
@@ -225,6 +225,53 @@ def caption(drive: DrivenTrial) -> str:
     return f"{outcome.outcome} after {outcome.time_s:.0f} s, {outcome.path_m:.1f} m"
 
 
+def estimated() -> str:
+    """Return the map of a drive with its true path, the estimated one and its ellipse."""
+    drive = drive_trial(Trial(world=load("u_trap"), noise="harsh"))
+    found = WorldMap(drive.trial.world, 2.0 * PANEL_PX, "The true path and the estimated one")
+    found.add(drive, belief=True)
+    found.ends()
+    return found.drawing.alone()
+
+
+CYCLE_PX: Final = 60.0
+ROW_PX: Final = 44.0
+LATE: Final = 3
+"""Number of the cycle that is late, from 0."""
+CLOCKS: Final = (
+    ("on time", (0, 1, 2, 3, 4, 5, 6), 0.3, "a cycle every 50 ms"),
+    ("paced, busy", (0, 1, 2, 3, 4.6, 5.6, 6.6), 1.5, "simulated time waits, and nothing changes"),
+    ("wall, busy", (0, 1, 2, 3), 1.5, "BUDGET: the robot stops"),
+)
+"""Name, starts of the cycles in periods of wall time, length of the late one, and what follows."""
+
+
+def clocks() -> str:
+    """Return what a late cycle does with each clock."""
+    left, right = 100.0, 100.0 + 8.0 * CYCLE_PX
+    drawing = SvgDrawing(right + 280.0, len(CLOCKS) * ROW_PX + 20.0, "A late cycle on each clock")
+    for number, (name, starts, late, follows) in enumerate(CLOCKS):
+        y = 30.0 + number * ROW_PX
+        drawing.text((8.0, y + 4.0), name)
+        drawing.line((left, y + 9.0), (right, y + 9.0), "axis")
+        for cycle, start in enumerate(starts):
+            share = late if cycle == LATE else 0.3
+            kind = "f-bug" if share > 1.0 else "f-vgm_memory"
+            drawing.rectangle((left + start * CYCLE_PX, y - 9.0), share * CYCLE_PX, 18.0, kind)
+        drawing.text((right + 10.0, y + 4.0), follows)
+    return drawing.alone()
+
+
+def in_theme(picture: str, theme: str) -> str:
+    """Return a picture in the colours of one theme, whatever the reader's system prefers."""
+    start, end = picture.index("<style>"), picture.index("</style>")
+    rules = f"<style>:root{{{THEMES[theme]}}}{DRAWING_RULES}"
+    return picture[:start] + rules + picture[end:]
+
+
+ALONE: Final = {"odometry": estimated, "clocks": clocks}
+
+
 def main() -> int:
     """Write all pictures into docs/pictures."""
     FOLDER.mkdir(parents=True, exist_ok=True)
@@ -239,7 +286,12 @@ def main() -> int:
     for theme in THEMES:
         text = beside(TITLE, maps, theme, RULES)
         (FOLDER / f"{PROOF}-{theme}.svg").write_text(text, encoding="utf-8")
-    print(f"{FOLDER}: {2 * len(WORLDS) + 2} pictures")
+    for name, draw in ALONE.items():
+        picture = draw()
+        for theme in THEMES:
+            path = FOLDER / f"{name}-{theme}.svg"
+            path.write_text(in_theme(picture, theme), encoding="utf-8")
+    print(f"{FOLDER}: {2 * (len(WORLDS) + 1 + len(ALONE))} pictures")
     return 0
 
 

@@ -21,6 +21,7 @@ from checks.site.interop_tables import BEGIN, END, WORDS, write_clients
 from checks.site.outcomes_table import document, rows_of, with_summary
 from checks.site.outcomes_table import main as outcomes_table_main
 from checks.site.pictures import (
+    ALONE,
     FOLDER,
     NAVIGATORS,
     PANEL_PX,
@@ -29,6 +30,7 @@ from checks.site.pictures import (
     TITLE,
     ChainRecorder,
     beside,
+    in_theme,
     panels,
     ring,
     rings,
@@ -336,7 +338,8 @@ SVG = "{http://www.w3.org/2000/svg}"
 
 def test_all_pictures_are_committed() -> None:
     names = {f"navigators-{world}-{theme}.svg" for world in PICTURES_WORLDS for theme in THEMES}
-    names |= {f"proof-{theme}.svg" for theme in THEMES} | {f"{name}.svg" for name in film.SCENES}
+    names |= {f"{name}-{theme}.svg" for name in ("proof", *ALONE) for theme in THEMES}
+    names |= {f"{name}.svg" for name in film.SCENES}
     assert {path.name for path in PICTURES} == names
 
 
@@ -411,6 +414,13 @@ def test_chain_closes_only_around_a_ring_without_gate() -> None:
             low_m, high_m = sorted(y_m for _, y_m in seen.gaps[0])
             assert low_m < 1.6 < high_m, "the gap is at the gate"
     assert ends == {None: ("unreachable", 0, 1), 3: ("lost", 1, 1), 6: ("reached", 0, 1)}
+
+
+def test_committed_drawings_are_those_of_the_present_code() -> None:
+    for name, draw in ALONE.items():
+        for theme in THEMES:
+            committed = (FOLDER / f"{name}-{theme}.svg").read_text(encoding="utf-8")
+            assert in_theme(draw(), theme) == committed, f"{name}-{theme}: make pictures"
 
 
 def test_committed_proof_is_that_of_the_present_navigator() -> None:
