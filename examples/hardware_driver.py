@@ -132,11 +132,13 @@ def run(pins: Pins, bus: Bus, robot: str, clock: Clock) -> None:
     bus.mailbox(DRIVE, robot, lambda _at_ns: arrived.wake(), check=driver.gate.receive)
     claim(bus, [robot])
 
-    def ping_for_ever() -> None:
+    def ping_in_turn() -> None:
         for tick in ticks(clock, 1000.0 / PING_MS):
+            if stopped.is_set():
+                return
             driver.ping(ORDER[tick.index % SONARS])
 
-    pinging = threading.Thread(target=ping_for_ever, daemon=True)
+    pinging, stopped = threading.Thread(target=ping_in_turn, daemon=True), threading.Event()
     pinging.start()
     due_ns = clock.now_ns()
     try:
@@ -150,6 +152,7 @@ def run(pins: Pins, bus: Bus, robot: str, clock: Clock) -> None:
                 driver.act()
     finally:
         pins.drive(0.0, 0.0)
+        stopped.set()
 
 
 def check(pins: Pins, params: Params, clock: Clock) -> Iterator[str]:

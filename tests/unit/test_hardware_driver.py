@@ -3,7 +3,7 @@
 import re
 from math import inf
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import pytest
 
@@ -13,6 +13,7 @@ from examples.hardware_driver import ORDER, PING_MS, STALE_MS, TURN_RAD_S, Drive
 from plant.model.configuration import noise_of
 from plant.sim.simulation import Plant
 from plant.world.file import load
+from protocol.bus.bus import Bus
 from protocol.ring import SONARS
 from protocol.wire.limits import MAX_WHEEL_TTL_MS
 from protocol.wire.messages import WheelCommand
@@ -22,7 +23,7 @@ from robot.core.states import REACHED
 from robot.hosting import InProcessCore
 from runtime.cli.parsers import parser_of
 from runtime.cli.verb_table import find
-from runtime.clock import ManualClock
+from runtime.clock import ManualClock, WallClock
 from runtime.config import start_totals
 from runtime.errors import UserError
 from runtime.units import NS_PER_MS as MS
@@ -31,6 +32,7 @@ from study.trial.core_loop import CoreLoop
 from study.trial.trial import start_of, wire_goal_of
 from tests.support.each import each
 from tests.support.pages import File, steps_of
+from tests.support.played_bus import PlayedBus
 
 
 class PlantPins(Pins):
@@ -173,6 +175,32 @@ def test_driver_brakes_at_the_end_of_the_last_command() -> None:
     assert driver.sense()[0].expired == 1
     driver.act()
     assert len(pins.speeds) == 3, "it brakes once"
+
+
+class BrokenPins(StillPins):
+    """Pins whose encoders fail after a while, when a sonar has measured."""
+
+    pinged = False
+
+    def ping(self, sonar: int) -> float | None:
+        self.pinged = True
+        return 1.0
+
+    def ticks(self) -> tuple[int, int]:
+        if self.pinged:
+            raise OSError("no answer from the encoders")
+        return 0, 0
+
+
+def test_driver_brakes_when_it_fails(monkeypatch: pytest.MonkeyPatch) -> None:
+    claimed: list[list[str]] = []
+    monkeypatch.setattr(hardware_driver, "claim", lambda _bus, robots: claimed.append(robots))
+    pins = BrokenPins(ManualClock(), ((0.0, 0.0), (0.0, 0.0)))
+    bus = PlayedBus(ManualClock())
+    with pytest.raises(OSError, match="no answer from the encoders"):
+        hardware_driver.run(pins, cast("Bus", bus), "r1", WallClock())
+    assert claimed == [["r1"]]
+    assert pins.speeds[-1] == (0.0, 0.0)
 
 
 def test_scan_has_only_what_was_measured_since_the_last() -> None:
