@@ -10,7 +10,8 @@ from typing import Final
 from plant.corpus import EVERY_FAMILY, FAMILIES, generate
 from plant.imports.barn import PITCH_M
 from plant.imports.cells import MAX_COORDINATE_M
-from plant.imports.importer import CELL_M, TAKES, ImportOptions, import_worlds
+from plant.imports.importer import BAG, CELL_M, TAKES, ImportOptions, import_worlds
+from plant.imports.ros_bag import CELL_M as BAG_CELL_M
 from plant.model.configuration import KINDS, body_of
 from plant.model.errors import WorldError, WorldProblem
 from plant.placement import goals, starts
@@ -45,14 +46,15 @@ def add_generate(parser: argparse.ArgumentParser) -> None:
 
 def add_import(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of `sidestep worlds import`."""
-    text = f"{', '.join(TAKES)}; a ROS map is given by its .yaml file"
+    kinds = ", ".join(kind for kind in TAKES if kind != BAG)
+    text = f"{kinds}, or the folder of a bag of ROS 2; a ROS map is given by its .yaml file"
     parser.add_argument("file", metavar="FILE", help=text)
     parser.add_argument(
         "--cell",
         type=_cell,
         metavar="M",
-        help=f"the size of a cell: of a Moving AI map {CELL_M} m, of a BARN grid {PITCH_M} m by"
-        " default",
+        help=f"the size of a cell: of a Moving AI map {CELL_M} m, of a BARN grid {PITCH_M} m,"
+        f" of the drive in a bag {BAG_CELL_M} m by default",
     )
     for end in ("start", "goal"):
         parser.add_argument(

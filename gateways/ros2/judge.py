@@ -23,7 +23,7 @@ from gateways.ros2.wire import (
     hash_of,
     type_of,
 )
-from ground.ros2.messages import yaw_of
+from protocol.ros_bag import yaw_of
 from runtime.units import NS_PER_S
 
 ODOMETRY: Final = "nav_msgs/msg/Odometry"

@@ -25,9 +25,10 @@ from ground.client.goal import (
 from ground.client.outcomes import GoalEnded, Refused
 from ground.client.robot_link import finish
 from ground.robot import Robot
-from ground.ros2.messages import BASE, MAP, ODOM, RosClock, pose_stamped, time_of, yaw_of
+from ground.ros2.messages import BASE, MAP, ODOM, RosClock, pose_stamped, time_of
 from ground.ros2.reports import INFO
 from protocol.outcome import LOST, REPLACED, UNREACHABLE
+from protocol.ros_bag import yaw_of
 from protocol.topics import ODOMETRY, STATUS
 from protocol.wire.reasons import Reason
 from runtime.errors import LocalError, RemoteError, UserError

@@ -26,6 +26,7 @@ from ground.recording.log_reader import (
     run_of,
 )
 from ground.user.folders import recordings_folder
+from protocol.ros_bag import is_bag
 from runtime.errors import UserError
 
 BACK: Final = re.compile(r"-(?P<number>[1-9]\d{0,3})\Z")
@@ -33,8 +34,8 @@ STAMP: Final = "%Y%m%dT%H%M%SZ"
 STAMP_CHARS: Final = 16
 UNFINISHED: Final = "is still being recorded"
 FILE_HELP: Final = (
-    "a .tlog or .mcap, or a folder: its newest one (default the newest finished one of"
-    " `sidestep rec list`; -2 is the one before)"
+    "a .tlog, an .mcap or a bag of ROS 2, or a folder: its newest one (default the newest finished"
+    " one of `sidestep rec list`; -2 is the one before)"
 )
 
 
@@ -82,7 +83,7 @@ def recording_named(text: str | None) -> Path:
     back = BACK.match(text or "-1")
     if text is not None and (back is None or Path(text).exists()):
         path = Path(text)
-        return newest(path, 1) if path.is_dir() else path
+        return newest(path, 1) if path.is_dir() and not is_bag(path) else path
     assert back is not None, "the default matches"
     return newest(recordings_folder(), int(back["number"]))
 

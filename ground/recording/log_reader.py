@@ -25,8 +25,10 @@ from pathlib import Path
 from struct import Struct
 from typing import BinaryIO, Final, NamedTuple, Protocol, cast
 
+from ground.recording.bag_frames import BagFrames
 from ground.recording.mcap_file import UNKNOWN_PATH, McapFile, path_in
 from protocol.bus.network import MAX_ROBOTS
+from protocol.ros_bag import is_bag
 from protocol.topic import NAME, ROBOT_NAME
 from protocol.topics import CLOCK, PREFIX, key_parts
 from protocol.wire.codec import CHECKSUM_SIZE, HEADER_SIZE, MAGIC, SIGNATURE_SIZE, decode
@@ -334,6 +336,19 @@ def standard_key(key: str, robot: str) -> str:
     return "/".join(filter(None, (PREFIX, parts.robot, parts.path, parts.operator)))
 
 
+class BagLog(BagFrames):
+    """A bag of ROS 2. It holds no facts."""
+
+    def __init__(self, path: Path, robot: str | None) -> None:
+        super().__init__(path, robot)
+        self.facts: dict[str, str] = {}
+        self.lost_bytes = 0
+
+    def __iter__(self) -> Iterator[LoggedFrame]:
+        for time_ns, key, frame in self.frames():
+            yield LoggedFrame(time_ns, key, frame)
+
+
 class RunLog:
     """Several parts of one run, read one after the other."""
 
@@ -385,6 +400,8 @@ def open_log(path: Path, robot: str | None = None) -> Log:
 
     Raises UserError when it cannot be opened.
     """
+    if is_bag(path):
+        return BagLog(path, robot)
     parts = parts_of(path)
     return open_part(parts[0], robot) if len(parts) == 1 else RunLog(parts, robot)
 

@@ -7,8 +7,8 @@ its world, so map and odom are the same; clients of Nav2 give their goals in map
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import cos, hypot, inf, isfinite, nan, pi, sin
-from typing import Any, Final, NamedTuple
+from math import cos, inf, isfinite, nan, pi, sin
+from typing import Final, NamedTuple
 
 import numpy as np
 from rosbags.typesys.stores.ros2_jazzy import builtin_interfaces__msg__Time as Time
@@ -88,14 +88,6 @@ def header(stamp_ns: int, frame: str) -> Header:
 def yawed(heading_rad: float) -> Quaternion:
     """Return a rotation about the vertical axis."""
     return Quaternion(0.0, 0.0, sin(heading_rad / 2), cos(heading_rad / 2))
-
-
-def yaw_of(rotation: Any) -> float | None:
-    """Return the heading of a quaternion in rad; None unless it is finite and about normalised."""
-    x, y, z, w = rotation.x, rotation.y, rotation.z, rotation.w
-    if not 0.9 < hypot(x, y, z, w) < 1.1:
-        return None
-    return float(np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))
 
 
 def odometry(found: PlanarOdometry, stamp_ns: int) -> Odometry:

@@ -19,6 +19,7 @@ import numpy as np
 from plant.imports.barn import PITCH_M, CylinderField, load_grid, load_list
 from plant.imports.cells import Cells, Labels, Mask, labelled, outlines, standing
 from plant.imports.moving_ai import MovingAiScenario, fits, load_map, load_scenarios
+from plant.imports.ros_bag import load_bag
 from plant.imports.ros_map import load_ros_map
 from plant.model.configuration import Body
 from plant.model.draws import Draws
@@ -313,6 +314,9 @@ def _ends_among_cylinders(field: CylinderField, random: Draws) -> tuple[Point, P
 
 CELL_M: Final = 0.4
 MAX_STEM_LENGTH: Final = 40
+BAG: Final = "bag"
+"""Kind of a folder, which has no suffix."""
+
 TAKES: Final = {
     ".map": ("cell", "start", "count", "window"),
     ".scen": ("cell", "count"),
@@ -321,6 +325,9 @@ TAKES: Final = {
     ".npy": ("cell", "start"),
     ".csv": ("start", "count"),
     ".txt": ("start", "count"),
+    ".mcap": ("cell", "start", "count", "window"),
+    ".db3": ("cell", "start", "count", "window"),
+    BAG: ("cell", "start", "count", "window"),
 }
 
 
@@ -342,7 +349,7 @@ class ImportOptions:
 
 def import_worlds(path: Path, options: ImportOptions) -> Iterator[World]:
     """Yield the requested number of worlds; raise WorldError."""
-    kind = path.suffix.lower()
+    kind = BAG if path.is_dir() else path.suffix.lower()
     _check(path, kind, options)
     if kind == ".scen":
         yield from _of_scenarios(path, options)
@@ -350,6 +357,8 @@ def import_worlds(path: Path, options: ImportOptions) -> Iterator[World]:
         yield from _of_field(path, "barn", load_grid(path, options.cell_m or PITCH_M), options)
     elif kind in (".csv", ".txt"):
         yield from _of_field(path, "cylinders", load_list(path), options)
+    elif kind in (".mcap", ".db3", BAG):
+        yield from _of_cells(path, "ros_bag", load_bag(path, options.cell_m), options)
     elif kind == ".map":
         yield from _of_cells(path, "moving_ai", load_map(path, options.cell_m or CELL_M), options)
     else:

@@ -215,7 +215,8 @@ def test_cylinder_list_uses_its_own_frame(folder: Path) -> None:
     ("argv", "says"),
     [
         (["gone.map"], "gone.map: file: cannot be read: No such file or directory; fix: "),
-        (["."], "no importer for a file without suffix"),
+        (["hand"], "no importer for a file without suffix"),
+        (["."], "bag: metadata.yaml is missing; fix: `ros2 bag reindex`"),
         (["hand.pgm"], "hand.pgm: file: no importer for .pgm; there are .map, "),
         (["hand.map", "--start", "1", "1"], "hand.map: --start: start and goal go together"),
         (

@@ -13,13 +13,16 @@ from gateways.ros2.interfaces import Interfaces
 from gateways.ros2.wire import Distro
 from ground.ros2 import markers, messages
 from ground.ros2.messages import Geometry, RosClock, WheelReader
+from ground.ros2.robot_topics import RobotTopics
 from protocol.ring import BEARINGS_RAD
+from protocol.ros_bag import yaw_of
 from protocol.wire.enums import Branch, GoalState
 from protocol.wire.messages import (
     AvoidanceDecision,
     NavigatorStatus,
     PlanarOdometry,
     SonarScan,
+    SystemTime,
     WheelTicks,
 )
 from runtime.units import NS_PER_S
@@ -48,7 +51,7 @@ def test_odometry_has_the_values_and_the_stamp_of_the_robot() -> None:
     position = found.pose.pose.position
     assert (position.x, position.y, position.z) == (1.25, -2.5, 0.0)
     assert (found.twist.twist.linear.x, found.twist.twist.angular.z) == (0.3, -0.5)
-    assert messages.yaw_of(found.pose.pose.orientation) == pytest.approx(pi / 2)
+    assert yaw_of(found.pose.pose.orientation) == pytest.approx(pi / 2)
 
 
 def test_covariance_has_x_y_and_yaw_and_large_other_axes() -> None:
@@ -70,14 +73,14 @@ def test_unknown_place_has_a_large_covariance_without_nan() -> None:
 def test_rotation_is_normalised_and_read_back(heading_rad: float) -> None:
     rotation = messages.yawed(heading_rad)
     assert isclose(hypot(rotation.x, rotation.y, rotation.z, rotation.w), 1.0)
-    yaw_rad = messages.yaw_of(rotation)
+    yaw_rad = yaw_of(rotation)
     assert yaw_rad is not None
     assert abs((yaw_rad - heading_rad + pi) % (2 * pi) - pi) < 1e-6
 
 
 def test_rotation_that_is_none_has_no_yaw() -> None:
     for values in ((0.0, 0.0, 0.0, 0.0), (nan, 0.0, 0.0, 1.0), (0.0, 0.0, inf, 1.0)):
-        assert messages.yaw_of(SimpleNamespace(**dict(zip("xyzw", values, strict=True)))) is None
+        assert yaw_of(SimpleNamespace(**dict(zip("xyzw", values, strict=True)))) is None
 
 
 def test_sonar_without_an_echo_is_infinite_and_one_that_slept_is_missing() -> None:
@@ -129,7 +132,7 @@ def test_sonars_are_on_the_rim_and_look_outwards() -> None:
     for number, bearing_rad in enumerate(BEARINGS_RAD):
         where = found[f"sonar_{number}"].transform
         assert hypot(where.translation.x, where.translation.y) == pytest.approx(0.2)
-        assert messages.yaw_of(where.rotation) == pytest.approx(bearing_rad)
+        assert yaw_of(where.rotation) == pytest.approx(bearing_rad)
 
 
 def test_stamps_follow_the_fastest_message() -> None:
@@ -188,3 +191,17 @@ def test_markers_are_messages_of_ros() -> None:
     assert len(shown["sonars"].points) == 3
     lost = make(PlanarOdometry, cov_xx_m2=nan)
     assert markers.markers(lost, [], None, None, SIZE, 7).markers == []
+
+
+def test_nothing_is_shown_before_the_clock_is_known() -> None:
+    day_ns = 1_790_000_000 * NS_PER_S
+    simulated, real = RobotTopics("r1"), RobotTopics("r1")
+    assert not list(simulated.take(HERE, day_ns))
+    now = SystemTime(time_unix_usec=HERE.time_ns // 1000, time_boot_ms=0)
+    assert [name for name, _ in simulated.take(now, day_ns)] == ["/clock"]
+    (found, _) = simulated.take(HERE, day_ns)
+    assert found[1].header.stamp.sec == HERE.time_ns // NS_PER_S
+    assert not list(real.take(HERE, day_ns))
+    later_ns = NS_PER_S // 4
+    (found, _) = real.take(HERE, day_ns + later_ns)
+    assert found[1].header.stamp.sec == 1_790_000_000
