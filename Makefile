@@ -3,7 +3,7 @@
 SHELL := /bin/sh
 .SHELLFLAGS := -eu -c
 .ONESHELL:
-.PHONY: help setup up test gate gate-afresh brief interop clients-table rows-table mutation bench speed evidence hashes generate docs prose refresh pictures same-bits same-bits-mcu generate-docs clean afresh compiled study firmware
+.PHONY: help setup up test gate gate-afresh brief interop ros2-check clients-table rows-table mutation bench speed evidence hashes generate docs prose refresh pictures same-bits same-bits-mcu generate-docs clean afresh compiled study firmware
 
 PYTHONS := python3.13 python3.12 python3.11 python3
 BIN := $(CURDIR)/.venv/bin
@@ -20,6 +20,7 @@ help:
 	echo "make gate    every check, about ten minutes; needs Docker, a compiler, an emulator and a browser"
 	echo "make gate-afresh  .ci/run on a system without anything, made by debootstrap; as root"
 	echo "make brief   choose the tests of make test again, after new modules"
+	echo "make ros2-check  the ros2 command line against a robot, in a container of ROS; ARGS=kilted"
 	echo "make mutation  change the modules a stop depends on, bit by bit: does a test notice?"
 	echo "make same-bits  compares digests of a thousand trials with other Pythons, libraries and processor features"
 	echo "make same-bits-mcu  compares digests of all worlds and navigators with the emulated board"
@@ -167,6 +168,11 @@ brief: setup
 interop: setup
 	@PATH="$(BIN):$$PATH"
 	exec "$(BIN)/python" -m pytest -q -n 4 --dist worksteal -m interop $(if $(CI),--no-skips) $(ARGS) tests/interop
+
+# The rows of docs/reference/ros2-rows.md that need a real ROS, in a container of it: jazzy, or ARGS=kilted.
+ros2-check:
+	@exec docker run --rm -v "$(CURDIR):/sidestep:ro" "ros:$(or $(ARGS),jazzy)-ros-base" \
+		bash /sidestep/tests/interop/ros2/real_ros.sh container
 
 # From the results of `make interop`.
 clients-table: setup

@@ -28,6 +28,9 @@ TIMEOUT_NS: Final = 500 * NS_PER_MS
 AGAIN_NS: Final = NS_PER_S
 """Time after a refusal before the next command asks the robot again."""
 
+GAP_S: Final = 0.01
+"""Least time between two commands to the robot: a flood of them is thinned out to the newest."""
+
 TWO_SOURCES: Final = "two nodes publish it, and the robot follows the first one"
 GOALS: Final = (
     GoalState.ACCEPTED,
@@ -164,8 +167,9 @@ class VelocityCommands:
         while (left_ns := self._arrived_ns + TIMEOUT_NS - clock.now_ns()) > 0:
             self._arrival.clear()
             yield self._speeds
+            await asyncio.sleep(GAP_S)
             try:
-                async with asyncio.timeout(min(left_ns, TICK_NS) / NS_PER_S):
+                async with asyncio.timeout(min(left_ns, TICK_NS) / NS_PER_S - GAP_S):
                     await self._arrival.wait()
             except TimeoutError:
                 continue

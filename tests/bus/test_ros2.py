@@ -16,12 +16,13 @@ from gateways.ros2.face import FaceSettings, RobotFace, present
 from gateways.ros2.interfaces import Interfaces
 from gateways.ros2.node import MAX_BYTES, RosSession, session_config
 from gateways.ros2.parameters import value_of
+from gateways.ros2.velocity import GAP_S
 from gateways.ros2.wire import Distro, EntityKind, TokenParts, gid_of, read_token
 from ground.client.connection import Common
 from ground.client.robot_link import RobotLink
 from ground.robot import Robot
 from ground.ros2.offer import LATCHED
-from protocol.topics import ODOMETRY
+from protocol.topics import ODOMETRY, TELEOP
 from protocol.wire.enums import Mode, Vehicle
 from tests.support.gateway.ros_network import (
     RosPeer,
@@ -260,6 +261,28 @@ async def test_twist_drives_and_its_end_stops_the_robot(stack: Paced, peer: RosP
         await until(lambda: not face.velocity.is_driving)
         assert asyncio.get_running_loop().time() - sent_s >= 0.4
         await until(lambda: stack.truth.speed_m_s == 0.0 and stack.status.mode == Mode.HOLD)
+
+
+async def test_flood_of_commands_sends_the_robot_no_more_than_its_rate(
+    stack: Paced, peer: RosPeer
+) -> None:
+    arrived: list[float] = []
+    async with presented(stack, peer.endpoint) as face:
+        await ready(face)
+        with bus_of(stack, "observer") as bus:
+            clock = asyncio.get_running_loop().time
+            bus.stream(TELEOP, lambda *_: arrived.append(clock()), "r1")
+            await send_until(
+                lambda: arrived, lambda: peer.put("/r1/cmd_vel", TWIST, twist(peer, 0.1))
+            )
+            began_s, before = clock(), len(arrived)
+            for number in range(2000):
+                peer.put("/r1/cmd_vel", TWIST, twist(peer, 0.1 + number / 1e5))
+                if number % 10 == 0:
+                    await asyncio.sleep(0)
+            await until(lambda: face.velocity._speeds[0] > 0.1199)
+            most = (clock() - began_s) / GAP_S + 2
+    assert len(arrived) - before <= most
 
 
 async def test_stamped_twist_drives_unless_its_stamp_is_old(stack: Paced, peer: RosPeer) -> None:

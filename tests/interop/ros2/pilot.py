@@ -20,8 +20,8 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from zenoh_ros2_sdk import ROS2Publisher, ROS2ServiceClient, ROS2Subscriber
 from zenoh_ros2_sdk.session import ZenohSession
 
-PATIENCE_S = 120.0
-GOAL_S = 600.0
+PATIENCE_S = 60.0
+GOAL_S = 240.0
 NAVIGATE = "nav2_msgs/action/NavigateToPose"
 TWIST = "geometry_msgs/msg/Twist"
 RECORDED = (
