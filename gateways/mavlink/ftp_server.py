@@ -250,7 +250,6 @@ class FileServer(MavService):
 
     def __init__(self, vehicle: MavVehicle, tree: VirtualTree, pacing: Pacing) -> None:
         self._vehicle = vehicle
-        self._outbox = vehicle.outbox
         self._tree = tree
         self._pacing = pacing
         self._sessions = Sessions()
@@ -305,10 +304,14 @@ class FileServer(MavService):
             del self._opening[key]
 
     def _reply(self, request: FileRequest, data: bytes = b"", offset: int = 0) -> None:
-        self._outbox.send(request.reply(Opcode.ACK, data, offset), request.sender.client)
+        self._send(request.reply(Opcode.ACK, data, offset), request)
 
     def _fail(self, request: FileRequest, failure: Failure) -> None:
-        self._outbox.send(request.failed(failure), request.sender.client)
+        self._send(request.failed(failure), request)
+
+    def _send(self, reply: MavMessage, request: FileRequest) -> None:
+        """Send a reply; clients know a copy by its sequence number."""
+        self._vehicle.answer(reply, request.sender.client)
 
     def _close(self, request: FileRequest) -> None:
         """Close a session.
@@ -413,16 +416,16 @@ class FileServer(MavService):
         while burst is not None:
             client = burst.request.sender.client
             length = FRAME_BYTES + HEADER.size + burst.block
-            if not self._pacing.take(client, length, self._now_ns):
+            if not self._pacing.take(client, length * self._vehicle.copies(client), self._now_ns):
                 return
             data = self._bytes(session, burst.offset, burst.block)
             if not data:
                 session.burst = None
-                self._outbox.send(burst.request.failed(Failure.FAIL, burst.sent), client)
+                self._send(burst.request.failed(Failure.FAIL, burst.sent), burst.request)
                 return
             is_last = burst.offset + len(data) >= size or burst.sent + 1 >= MAX_BURST
             reply = burst.request.reply(Opcode.ACK, data, burst.offset, burst.sent, last=is_last)
-            self._outbox.send(reply, client)
+            self._send(reply, burst.request)
             burst.offset += len(data)
             burst.sent += 1
             if is_last:

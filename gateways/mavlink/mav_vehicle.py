@@ -263,8 +263,12 @@ class MavVehicle:
 
         A copy of an acknowledgement, or of a value, is taken for the answer to the next request.
         """
-        for _ in range(2 if client in self.lossy else 1):
+        for _ in range(self.copies(client)):
             self.outbox.send(message, client)
+
+    def copies(self, client: int) -> int:
+        """Return how often an answer to a client is sent whose copy does no harm."""
+        return 2 if client in self.lossy else 1
 
     def start(self, work: Work) -> None:
         """Run work up to its first wait now, and the rest as a task.

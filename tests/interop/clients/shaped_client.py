@@ -131,9 +131,23 @@ class Script:
             self.pilot.handlers.clear()
 
     def file(self, action: Action) -> None:
-        """Read a file by FTP."""
+        """Read a file by FTP; a request without an answer has been silent for `again_s`.
+
+        pymavlink waits longer by itself for what it does not repeat: the first and the last reply.
+        """
         got: list[bytes] = []
-        client = mavftp.MAVFTP(self.pilot.link, 1, 1)
+        again_s, block_bytes = action["again_s"], action["block_bytes"]
+        settings = mavftp.MAVFTPSettings(
+            [
+                *((name, int, 0) for name in ("debug", "pkt_loss_tx", "pkt_loss_rx")),
+                *((name, int, 5) for name in ("max_backlog", "write_qsize")),
+                *((name, int, block_bytes) for name in ("burst_read_size", "write_size")),
+                ("idle_detection_time", float, again_s + 0.1),
+                ("read_retry_time", float, again_s),
+                ("retry_time", float, again_s),
+            ]
+        )
+        client = mavftp.MAVFTP(self.pilot.link, 1, 1, settings)
 
         def keep(read: Any) -> None:
             if read is not None:  # it is None after a failure

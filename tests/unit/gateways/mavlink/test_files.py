@@ -516,3 +516,17 @@ def test_pause_saves_up_little() -> None:
     while pacing.take(1, 279, 3600 * 10**9):
         sent += 279
     assert sent <= FAST_BYTES_S * 0.07
+
+
+def test_replies_are_sent_twice_on_a_lossy_line(bench: ParameterBench) -> None:
+    """A copy has the sequence number of its reply, by which a client knows it."""
+    bench.vehicle.lossy = {CLIENT.client}
+    for message in (
+        asked(Opcode.OPEN, PATH),
+        asked(Opcode.BURST, size=80),
+        asked(Opcode.TERMINATE),
+    ):
+        found = [vars(one) for one in replies(bench, message)]
+        assert found[::2] == found[1::2]
+        numbers = [one["sequence"] for one in found[::2]]
+        assert numbers == list(range(numbers[0], numbers[0] + len(numbers)))
