@@ -36,6 +36,8 @@ HINTS: Final[Mapping[int, str]] = MappingProxyType(
     {
         Reason.EMERGENCY_STOPPED: "command 185 with 0 clears it, forced arming too",
         Reason.NO_GOAL: "Send a goal first",
+        Reason.PLACE_UNKNOWN: "sidestep pose set X Y DEG, in a shell",
+        Reason.PARAMETERS_DAMAGED: "set one of the safety group",
     }
 )
 """Remedies for refusals, in terms of MAVLink ground stations."""

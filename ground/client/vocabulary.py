@@ -54,6 +54,12 @@ HINTS: Final[Mapping[int, str]] = MappingProxyType(
         Reason.FENCE_BREACHED: "sidestep fence off",
         Reason.FENCE_UNCHECKED: "sidestep pose set X Y DEG",
         Reason.NO_MISSION: "sidestep mission upload FILE",
+        Reason.PLACE_UNKNOWN: (
+            "`sidestep pose set X Y DEG`, or in a simulation `sidestep pose truth`"
+        ),
+        Reason.PARAMETERS_DAMAGED: (
+            "see `sidestep param list`, then `sidestep param set` one of the safety group"
+        ),
     }
 )
 GOAL_HINT: Final = "`sidestep goto X Y` sets a goal"
@@ -112,6 +118,14 @@ PYTHON: Final = Remedies(
             Reason.FENCE_BREACHED: "await robot.fence.clear()",
             Reason.FENCE_UNCHECKED: "await robot.set_pose(x_m, y_m, heading_deg)",
             Reason.NO_MISSION: "await robot.mission.upload(mission)",
+            Reason.PLACE_UNKNOWN: (
+                "await robot.set_pose(x_m, y_m, heading_deg), or in a simulation"
+                " await robot.set_true_pose()"
+            ),
+            Reason.PARAMETERS_DAMAGED: (
+                "await robot.parameters.list(), then await robot.parameters.set(name, value)"
+                " for one of the safety group"
+            ),
         }
     ),
     robot="name one that is there, as in sidestep.connect(robot={0!r})",

@@ -151,16 +151,16 @@ REASON_TEXTS: Final[dict[int, str]] = {
     101: "a safety parameter changes only while the robot is disarmed",
     102: "less safe than the configuration allows",
     103: "the request does not name its operator",
-    104: "robot does not know where it is: `sidestep pose set X Y DEG` or `sidestep pose truth`",
+    104: "robot does not know where it is",
     105: "not possible while the robot is armed: disarm first",
-    106: "saved parameters are damaged: see `param list`, then `param set` one of the safety group",
+    106: "saved parameters are damaged",
     107: "a newer emergency stop was pressed: look, then clear again",
     108: "that goal or drive is already over",
     109: "no goal is active: there is nothing to abort",
     120: "no emergency stop was latched: there was nothing to clear",
     121: "nobody had the lease: there was nothing to give back",
     122: "holding; no goal is active",
-    123: "it was so already: nothing has changed",
+    123: "nothing has changed, it was so already",
 }
 
 

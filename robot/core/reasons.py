@@ -68,15 +68,13 @@ FENCE_UNREADABLE: Final = 100  # the saved fence cannot be read: clear the fence
 NOT_WHILE_ARMED: Final = 101  # a safety parameter changes only while the robot is disarmed
 LESS_SAFE_THAN_CONFIGURED: Final = 102  # less safe than the configuration allows
 NO_IDENTITY: Final = 103  # the request does not name its operator
-# robot does not know where it is: `sidestep pose set X Y DEG` or `sidestep pose truth`
-PLACE_UNKNOWN: Final = 104
+PLACE_UNKNOWN: Final = 104  # robot does not know where it is
 ARMED: Final = 105  # not possible while the robot is armed: disarm first
-# saved parameters are damaged: see `param list`, then `param set` one of the safety group
-PARAMETERS_DAMAGED: Final = 106
+PARAMETERS_DAMAGED: Final = 106  # saved parameters are damaged
 NEWER_STOP: Final = 107  # a newer emergency stop was pressed: look, then clear again
 ALREADY_OVER: Final = 108  # that goal or drive is already over
 NOTHING_TO_ABORT: Final = 109  # no goal is active: there is nothing to abort
 NOTHING_LATCHED: Final = 120  # no emergency stop was latched: there was nothing to clear
 NO_LEASE: Final = 121  # nobody had the lease: there was nothing to give back
 NOTHING_KEPT: Final = 122  # holding; no goal is active
-NOTHING_CHANGED: Final = 123  # it was so already: nothing has changed
+NOTHING_CHANGED: Final = 123  # nothing has changed, it was so already

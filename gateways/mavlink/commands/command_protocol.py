@@ -173,6 +173,7 @@ RESULTS: Final = MappingProxyType(
         Reason.BY_EMERGENCY_STOP: FAILED,
         Reason.LOST: FAILED,
         Reason.BY_HAND: FAILED,
+        Reason.NAVIGATOR_FAILED: FAILED,
         Reason.OBSTACLE_AHEAD: FAILED,
         Reason.SLOWED: FAILED,
         Reason.WHEEL_LIMIT: FAILED,

@@ -496,6 +496,8 @@ REMEDIES: Final[Mapping[int, str]] = MappingProxyType(
         Reason.NO_OPERATOR: "`{screen-5}` Links shows what arrives",
         Reason.NO_MISSION: "`{cursor}`, then `{waypoint}` drafts one, or `:mission upload FILE`",
         Reason.FENCE_UNCHECKED: "`{place}` sets the place, or `:fence off`",
+        Reason.PLACE_UNKNOWN: "`{place}` sets the place, or in a simulation `:pose truth`",
+        Reason.PARAMETERS_DAMAGED: "see `{screen-3}`, then set one of the safety group",
     }
 )
 """The remedy of each refusal; keys by the id of their action."""

@@ -1,7 +1,8 @@
 """The client of one robot, what it sends, and what it ends."""
 
 import asyncio
-from collections.abc import AsyncIterator, Callable, Coroutine
+import re
+from collections.abc import AsyncIterator, Callable, Coroutine, Mapping
 from contextlib import asynccontextmanager, closing
 from dataclasses import replace
 from typing import Any, TypeVar
@@ -26,7 +27,7 @@ from ground.robot import Robot
 from protocol.topics import HEARTBEAT, LEASE, MISSION, ODOMETRY, OPERATOR, STATUS, STOP, Role
 from protocol.wire.enums import Command, GoalState, LeaseAction, MissionState, Mode, Vehicle
 from protocol.wire.messages import CommandRequest, GoalRequest, LeaseRequest, MissionStatus, Teleop
-from protocol.wire.reasons import Reason
+from protocol.wire.reasons import Reason, reason_text
 from runtime.errors import RemoteError, UserError
 from runtime.units import NS_PER_S
 from tests.support.each import each
@@ -265,6 +266,21 @@ def test_what_is_accepted_while_time_stands_says_so(leasing: Leasing) -> None:
     accepted = lived(stage, lambda robot: robot.arm(), leasing=leasing)
     assert accepted.ok
     assert ", but the simulated time of r1 stands still, no plant" in accepted.text
+
+
+def remedies_in(words: Mapping[int, str]) -> str:
+    return "\n".join(words.values())
+
+
+def test_each_face_gives_remedies_in_its_own_words() -> None:
+    assert not re.search("sidestep [a-z]", remedies_in(PYTHON.refusals).replace("sidestep doc", ""))
+    assert "await" not in remedies_in(SHELL.refusals)
+    for reason in Reason:
+        assert "sidestep " not in reason_text(reason), "each face adds its own remedy"
+    stage = Stage(Reason.PLACE_UNKNOWN)
+    stage.common = replace(stage.common, remedies=PYTHON)
+    refused = played(stage, robot_of(stage, leasing=Leasing.NEVER).return_home())
+    assert "(await robot.set_pose(x_m, y_m, heading_deg), or" in refused.text
 
 
 def test_refusal_names_the_robot_as_it_was_named() -> None:
