@@ -22,7 +22,8 @@ from contextlib import AsyncExitStack, aclosing, asynccontextmanager
 from dataclasses import replace
 from enum import IntEnum
 from functools import partial
-from math import nan, radians
+from html import escape
+from math import degrees, isfinite, nan, radians
 from pathlib import Path
 from typing import Any, Final, TypeAlias, TypeVar
 
@@ -256,6 +257,22 @@ class Robot(RobotLink):
             return f"<{where}: no status for {age_ns / NS_PER_S:.0f} s>"
         state = f"{state_of(newest[0])} {reason_of(newest[0])}".rstrip()
         return f"<{where}: {state}, {'with' if self.holds_lease else 'without'} its lease>"
+
+    def _repr_html_(self) -> str:
+        """Show the robot in a notebook: its state, its place and its goal."""
+        rows = {"robot": self.name, "endpoint": str(self.common.endpoint)}
+        status, pose = self.streams.latest(STATUS), self.streams.latest(ODOMETRY)
+        if status is not None:
+            newest = status[0]
+            rows["state"] = f"{state_of(newest)} {reason_of(newest)}".rstrip()
+            if isfinite(newest.goal_x_m):
+                rows["goal"] = f"{newest.goal_x_m:.2f} {newest.goal_y_m:.2f} m"
+        if pose is not None:
+            x_m, y_m, heading_deg = pose[0].x_m, pose[0].y_m, degrees(pose[0].heading_rad)
+            rows["place"] = f"{x_m:.2f} {y_m:.2f} m, {heading_deg:.0f}°"
+        rows["lease"] = "this program's" if self.holds_lease else "not this program's"
+        cells = (f"<tr><th>{name}</th><td>{escape(text)}</td></tr>" for name, text in rows.items())
+        return f"<table>{''.join(cells)}</table>"
 
     def to(self, robot: str) -> "Robot":
         """Return another robot on the same bus, whose lease is not taken."""

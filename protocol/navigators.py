@@ -20,6 +20,9 @@ NAVIGATORS: Final[Mapping[str, Navigator]] = MappingProxyType(
 USUAL_NAVIGATOR: Final = Navigator.VGM_MEMORY.name.lower()
 """The robot's default."""
 STEP: Final = "step"
+DEFINED: Final = "python"
+"""The place of functions that a program has given itself, as in a notebook."""
+
 SUFFIX: Final = ".py"
 OWN_HELP: Final = "a navigator, or a file of your own such as my_nav.py"
 
@@ -38,7 +41,7 @@ class OwnSource(NamedTuple):
     @property
     def name(self) -> str:
         """The name in tables: that of the file or module, or that of another function."""
-        if self.function != STEP:
+        if self.function != STEP or self.place == DEFINED:
             return self.function
         return Path(self.place).stem if self.is_file else self.place.rpartition(".")[2]
 

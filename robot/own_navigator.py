@@ -21,7 +21,7 @@ from traceback import TracebackException, walk_tb
 from types import ModuleType
 from typing import Any, Final
 
-from protocol.navigators import OwnSource, own_source
+from protocol.navigators import DEFINED, OwnSource, own_source
 from protocol.wire.enums import Branch, Navigator
 from robot.core import states
 from robot.core.brain import TICK_US
@@ -236,10 +236,8 @@ def fault_in(decision: Decision | None) -> str:
     return decision.fault if isinstance(decision, FailedDecision) else ""
 
 
-DEFINED: Final = "python"
-"""The place of functions that a program has given itself, as in a notebook."""
-
 FUNCTIONS: Final[dict[str, Callable[..., Any]]] = {}
+"""Those of this program, by name."""
 
 
 def defined(step: Callable[..., Any]) -> str:

@@ -23,7 +23,7 @@ from robot.core.navigators.vgm_following import VgmMemory
 from robot.core.values import EVERY, Outputs
 from study.report.charts import DARK, DRAWING_RULES, LIGHT, SvgDrawing
 from study.report.drives import DrivenTrial, drive_all, drive_trial
-from study.report.gallery import WorldMap, end_mark, simplified
+from study.report.world_map import WorldMap, end_mark, simplified
 from study.trial.core_loop import CoreLoop
 from study.trial.trial import Trial, run_trial
 

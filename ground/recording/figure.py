@@ -4,7 +4,8 @@ There are sizes and colours for the screen, and for a column of a paper. Plots h
 each unit.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from math import cos, degrees, isfinite, sin
 from pathlib import Path
@@ -190,6 +191,13 @@ class FigureContents(NamedTuple):
 
 def write(path: Path, run: FigureContents, style: Style) -> None:
     """Write a PNG, SVG or PDF by the suffix of the path. UserError when matplotlib is missing."""
+    with drawn(run, style) as figure, drafted(path) as draft:
+        figure.savefig(draft, metadata=UNDATED[path.suffix])
+
+
+@contextmanager
+def drawn(run: FigureContents, style: Style = SCREEN) -> "Iterator[Figure]":
+    """Yield the figure, with the settings of its style. UserError when matplotlib is missing."""
     try:
         from matplotlib import rc_context  # slow, and wanted only here
         from matplotlib.figure import Figure
@@ -204,8 +212,7 @@ def write(path: Path, run: FigureContents, style: Style) -> None:
         draw_map(place, run.series, run.world, run.fence)
         draw_over_time(plots, run.series)
         explain(figure, place, plots, run, style)
-        with drafted(path) as draft:
-            figure.savefig(draft, metadata=UNDATED[path.suffix])
+        yield figure
 
 
 def height_in(style: Style, world: World | None) -> float:

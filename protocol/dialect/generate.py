@@ -140,10 +140,11 @@ def message_lines(message: MessageType, enum_classes: dict[str, str]) -> list[st
     described = [field for field in message.fields if field.text]
     attributes = [line for field in described for line in attribute_lines(field, enum_classes)]
     more = [f"{INDENT}Attributes:", *attributes] if attributes else []
+    bases = ", ".join((*filter(None, (MIXINS.get(message.name),)), "Message"))
     return [
         "",
         "",
-        f"class {class_name(message.name)}(Message, frozen=True, kw_only=True):",
+        f"class {class_name(message.name)}({bases}, frozen=True, kw_only=True):",
         *doc_lines(message.text, INDENT, more),
         "",
         *(INDENT + declaration(field) for field in message.fields),
@@ -277,6 +278,8 @@ COMMON_TEXTS: Final = {
     "MAV_SEVERITY": "MAV_SEVERITY of a STATUSTEXT.",
     "MAV_STATE": "MAV_STATE of a HEARTBEAT.",
 }
+MIXINS: Final = {"SONAR_SCAN": "SonarRanges"}
+"""Classes of `message.py` that a message has besides its fields."""
 CONSTANTS: Final = {
     "SIDESTEP_BUMPER": "BUMPER",
     "SIDESTEP_INPUT": "INPUT",
@@ -331,6 +334,7 @@ def messages(dialect: Dialect) -> str:
     """Return the module of all message classes."""
     text = [line for message in dialect.messages for line in message_lines(message, NAMES_OF_ENUM)]
     checks = [name for name in ("too_long", "unfit") if any(f"{name}(" in line for line in text)]
+    checks += MIXINS.values()
     every = names(dialect.messages)
     exported = sorted(["Message", *every], key=str.lower)
     return module(

@@ -8,14 +8,16 @@ control loop needs that speed.
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
+from math import inf
 from struct import Struct
-from typing import Any, Final, NamedTuple, cast
+from typing import Any, Final, NamedTuple, TypeAlias, cast
 
 import msgspec
 
 from protocol.wire.layouts import LAYOUTS
 from runtime.errors import LocalError
 
+Value: TypeAlias = str | float | int | None
 CODE_BITS: Final = {"B": 8, "b": 8, "H": 16, "h": 16, "I": 32, "i": 32, "Q": 64, "q": 64}
 
 
@@ -72,6 +74,21 @@ LAYOUT: Final = {
 }
 
 
+class SonarRanges:
+    """The ranges of a sonar scan in metres."""
+
+    __slots__ = ()
+
+    @property
+    def ranges_m(self) -> tuple[float | None, ...]:
+        """Ranges from the rim, from right to left: inf without an echo, None if not measured."""
+        scan: Any = self
+        return tuple(
+            None if not scan.valid >> place & 1 else mm / 1e3 if scan.echo >> place & 1 else inf
+            for place, mm in enumerate(scan.range_mm)
+        )
+
+
 class Message(msgspec.Struct, frozen=True, kw_only=True, gc=False):
     """One message of the dialect; its fields have the names of the XML.
 
@@ -81,6 +98,48 @@ class Message(msgspec.Struct, frozen=True, kw_only=True, gc=False):
 
     def __init_subclass__(cls) -> None:
         assert cls.__name__ in LAYOUT, f"{cls.__name__} is not in the dialect"
+
+    def to_dict(self) -> "dict[str, Value]":
+        """Return the fields in SI units, each element of an array by itself, as in `range_m[0]`.
+
+        What is not a number, because it was not measured or does not apply, is None.
+        """
+        found: dict[str, Value] = {}
+        for field in LAYOUT[type(self).__name__].fields:
+            name, factor = si_name(field.name)
+            values = getattr(self, field.name)
+            if field.name == "range_mm" and isinstance(self, SonarRanges):
+                values, factor = self.ranges_m, 1.0
+            if field.is_text or not field.length:
+                found[name] = si_value(values, factor)
+                continue
+            for place, value in enumerate(values):
+                found[f"{name}[{place}]"] = si_value(value, factor)
+        return found
+
+
+def si_value(value: Value, factor: float) -> Value:
+    """Return a value of the wire over a factor; NaN becomes None."""
+    if value != value:
+        return None
+    if value is None or isinstance(value, str) or factor == 1.0:
+        return value
+    return value / factor
+
+
+UNITS: Final = (
+    *(("_mrad_s", "_rad_s", 1e3), ("_mm_s", "_m_s", 1e3), ("_urad", "_rad", 1e6)),
+    *(("_mm", "_m", 1e3), ("_ns", "_s", 1e9), ("_us", "_s", 1e6), ("_ms", "_s", 1e3)),
+)
+"""Ending of a name on the wire, that of the SI unit, and how many are one of it."""
+
+
+def si_name(name: str) -> tuple[str, float]:
+    """Return the name of a field in SI units, and the divisor of its values."""
+    for ending, unit, factor in UNITS:
+        if name.endswith(ending):
+            return name.removesuffix(ending) + unit, factor
+    return name, 1.0
 
 
 def problem(message: Message) -> str:

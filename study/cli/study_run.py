@@ -208,7 +208,7 @@ def run(argv: Sequence[str]) -> int:
             len(study.tasks), len(study.tasks) - len(tasks), sys.stderr, monotonic
         )
         try:
-            run_tasks(study, options, tasks, progress)
+            run_tasks(study, tasks, progress, jobs=options.jobs, dask=options.dask)
             summary = write_results(study, progress)
             if not options.no_report:
                 write_report(study.directory, jobs=options.jobs)
@@ -267,19 +267,21 @@ def prepare_directory(study: PreparedStudy, mixed: bool) -> Iterator[str]:
 
 def run_tasks(
     study: PreparedStudy,
-    options: argparse.Namespace,
     tasks: list[TrialTask],
     progress: StudyProgress,
+    *,
+    jobs: int,
+    dask: str | None = None,
 ) -> None:
     """Run the tasks on the cluster or in local worker processes."""
     if not tasks:
         return
     collector = Collector(study.directory, monotonic)
-    if options.dask is not None:
-        with workers.cluster(options.dask) as client:
+    if dask is not None:
+        with workers.cluster(dask) as client:
             collect(workers.run_on_cluster(client, study.context, tasks), collector, progress)
         return
-    with Pool(min(options.jobs, len(tasks)), study.context) as pool:
+    with Pool(min(jobs, len(tasks)), study.context) as pool:
         collect(pool.run(tasks), collector, progress)
 
 

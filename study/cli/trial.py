@@ -58,7 +58,12 @@ class Trace:
 
     def __call__(self, plant: Plant, onboard: CoreLoop, outputs: Outputs) -> None:
         """Write the line of this tick."""
-        self._writer.writerow((*_truth(plant), *_estimate(onboard), *_choice(onboard, outputs)))
+        self._writer.writerow(tick_values(plant, onboard, outputs))
+
+
+def tick_values(plant: Plant, onboard: CoreLoop, outputs: Outputs) -> tuple[float | None, ...]:
+    """Return the values of a tick, in the order of COLUMNS."""
+    return *_truth(plant), *_estimate(onboard), *_choice(onboard, outputs)
 
 
 def _truth(plant: Plant) -> tuple[float, ...]:

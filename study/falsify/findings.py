@@ -216,7 +216,7 @@ def picture(finding: Finding) -> str:
     """Return the world with the drive in it as SVG."""
     from study.falsify.evaluate import trial_of  # slow imports: drawing
     from study.report.drives import drive_trial
-    from study.report.gallery import WorldMap
+    from study.report.world_map import WorldMap
 
     trial = trial_of(finding.subject, finding.world, finding.seed, finding.limit_s)
     drawn = WorldMap(finding.world, PICTURE_WIDTH, finding.sentence)

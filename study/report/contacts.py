@@ -35,9 +35,10 @@ from study.report.contact_kinds import (
     touched,
     world_at,
 )
-from study.report.gallery import WorldOf, command_of, simplified, wall_parts
+from study.report.gallery import WorldOf, command_of
 from study.report.page import DASH, PageTable, number, table_lines
 from study.report.targets import OWN
+from study.report.world_map import simplified, wall_parts
 from study.runner.plan import world_of
 from study.runner.rows import TrialRow
 from study.runner.run_task import trial_of

@@ -23,7 +23,6 @@ from study.report.drives import (
     remaining_deviation,
     remaining_turn_deg,
 )
-from study.report.gallery import WorldMap
 from study.report.page import (
     Block,
     Gallery,
@@ -39,6 +38,7 @@ from study.report.page import (
     share,
 )
 from study.report.trials import Flags, Trials
+from study.report.world_map import WorldMap
 
 CONFIRMED: Final = "confirmed"
 REFUTED: Final = "refuted"

@@ -165,6 +165,8 @@ async def main() -> None:
 asyncio.run(main())
 """
 """Without types, mypy would complain that it has nothing to ignore."""
+PROGRAMS: Final = sorted((ROOT / "tests" / "data" / "programs").glob("*.py"))
+"""A square, a patrol, two robots at once, trials, and telemetry as tables."""
 
 
 def test_a_users_script_passes_strict_mypy_with_the_wheel(installed: Path, tmp_path: Path) -> None:
@@ -172,7 +174,7 @@ def test_a_users_script_passes_strict_mypy_with_the_wheel(installed: Path, tmp_p
     script.write_text(TYPED)
     python = str(installed.parent / "python")
     words = ("-m", "mypy", "--strict", "--config-file=", "--python-executable", python)
-    assert "Success" in run(python, *words, script, cwd=tmp_path)
+    assert "Success" in run(python, *words, script, *PROGRAMS, cwd=tmp_path)
 
 
 def test_the_package_shows_its_api_only(installed: Path, tmp_path: Path) -> None:

@@ -49,7 +49,7 @@ from runtime.watchdog import HUNG_S
 from sidestep.__main__ import main as executable
 from study.cli.study_run import parser
 from study.intervals import CONFIDENCE, CONFIDENT
-from study.report.gallery import ellipse
+from study.report.world_map import ellipse
 from study.runner.plan import DETOUR_FACTOR, MIN_TIMEOUT_S, UNREACHABLE_TIMEOUT_S
 from tests.support.each import each
 from tests.support.pages import ROOT as SESSION_ROOT

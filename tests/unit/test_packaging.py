@@ -120,7 +120,9 @@ def test_every_package_is_in_the_wheel_or_excluded() -> None:
 
 def test_extras_serve_packages_of_the_wheel() -> None:
     extras = PROJECT["project"]["optional-dependencies"]
-    assert set(extras) - {"dev", "docs"} == {"study", "dask", "foxglove", "keys", "ros2", "web"}
+    assert set(extras) - {"dev", "docs"} == {
+        *("study", "dask", "foxglove", "keys", "pandas", "ros2", "web")
+    }
     needed = {name for extra in set(extras) - {"dev"} for name in extras[extra]}
     assert needed <= set(extras["dev"])
 

@@ -16,19 +16,10 @@ from runtime.errors import UserError
 from study.intervals import Proportion
 from study.report.charts import SvgDrawing, bars, distribution_chart, n, steps, success_chart
 from study.report.drives import drive_all, drive_trial
-from study.report.gallery import (
-    WorldMap,
-    command_of,
-    diverse,
-    ellipse,
-    end_mark,
-    gallery,
-    kind_of,
-    selected_failures,
-    simplified,
-)
+from study.report.gallery import command_of, diverse, gallery, kind_of, selected_failures
 from study.report.page import Gallery, Paragraph
 from study.report.trials import distinct, trials_of
+from study.report.world_map import WorldMap, ellipse, end_mark, simplified
 from study.runner.rows import TrialRow
 from study.runner.run_task import trial_of
 from study.runner.store import table_of
