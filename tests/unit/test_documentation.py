@@ -319,9 +319,9 @@ def test_every_verb_used_in_a_command_exists() -> None:
 
 
 def test_every_make_command_has_its_target() -> None:
-    targets = set(re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(), re.MULTILINE))
+    targets = set(re.findall(r"^([a-z0-9-]+):", (ROOT / "Makefile").read_text(), re.MULTILINE))
     text = "\n".join(PAGES.values())
-    named = set(re.findall(r"(?:`|^|\$ )make ([a-z-]+)", text, re.MULTILINE))
+    named = set(re.findall(r"(?:`|^|\$ )make ([a-z0-9-]+)", text, re.MULTILINE))
     assert {"up", "test", "setup"} <= named <= targets
 
 
