@@ -145,8 +145,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     for problem in found:
         print(problem, file=sys.stderr)
     if not found:
-        served = f"python -m http.server -d {options.output}"
-        print(f"{options.output}: run {served}, or open index.html without search")
+        print(f"{options.output}: open index.html")
     return int(bool(found))
 
 

@@ -280,3 +280,34 @@ def leaves(app: "subprocess.Popen[bytes]") -> int:
         except subprocess.TimeoutExpired:
             continue
     raise AssertionError("no key counts any more")
+
+
+WORKER = """\
+addEventListener("message", async (event) => {
+  await importScripts("suffix.js");
+  postMessage(event.data + suffix);
+});
+"""
+ASKING = """\
+<script src="iframe-worker.js"></script><body><script>
+const worker = new Worker("worker.js");
+worker.addEventListener("message", (event) => { window.answer = event.data });
+worker.postMessage("sonar");
+</script>
+"""
+
+
+@pytest.mark.stack
+@pytest.mark.skipif(chromium() is None, reason="no Chromium on this machine")
+def test_site_opened_as_files_has_a_worker_for_its_search(tmp_path: Path) -> None:
+    shim = Path(__file__).parents[2] / "docs" / "assets" / "iframe-worker.js"
+    files = {"iframe-worker.js": shim.read_text(), "worker.js": WORKER, "page.html": ASKING}
+    for name, text in {**files, "suffix.js": "var suffix = 's';"}.items():
+        (tmp_path / name).write_text(text)
+
+    async def story(page: Page) -> None:
+        async with asyncio.timeout(PATIENCE_S):
+            while await page.value("window.answer") != "sonars":
+                await asyncio.sleep(0.05)
+
+    in_browser((tmp_path / "page.html").as_uri(), story)
