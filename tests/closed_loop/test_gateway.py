@@ -8,6 +8,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -177,14 +178,15 @@ LOST_S = 1.5
 class Gateway:
     """A gateway and its client, which live while the test lets them."""
 
-    def __init__(self, stack: InProcess) -> None:
+    def __init__(self, stack: InProcess, recordings: Path | None = None) -> None:
         self._stack = stack
         self.port = BusPort(link_of(stack, Role.GROUND))
         beats = self.port._robot.lease._publisher
         self.port.heartbeat = lambda: stack.send(beats.key, lambda: beats.put(ALIVE))  # type: ignore[method-assign]
-        self.face = face_of(MavVehicle(1, self.port, ORIGIN, stack.clock.now_ns()))
+        self.face = face_of(MavVehicle(1, self.port, ORIGIN, stack.clock.now_ns()), recordings)
         self._work = PlayedWork(self.face.vehicle, PlayedLoop(stack.clock))
         self.face.join(CLIENT.client)
+        self._decoder = mavlink.MAVLink(None)
         self.sent: list[MavMessage] = []
 
     def close(self) -> None:
@@ -204,15 +206,29 @@ class Gateway:
         self._work.within(self.face.receive, message, sender, self._stack.clock.now_ns())
 
         def is_answered() -> bool:
-            if self.port.is_busy and self._stack.robot is not None:
-                self._stack.robot.idle()  # simulated time waits for the robot's answers
-            else:
-                self._stack.cycle()
-            self.round()
+            self._go_on()
             return bool(of_type(self.sent, answer))
 
         until(is_answered)
         return of_type(self.sent, answer)[0]
+
+    def _go_on(self) -> None:
+        if self.port.is_busy and self._stack.robot is not None:
+            self._stack.robot.idle()  # simulated time waits for the robot's answers
+        else:
+            self._stack.cycle()
+        self.round()
+
+    def deliver(self, data: bytes) -> None:
+        """Take the frames of the client."""
+        for message in self._decoder.parse_buffer(data) or ():
+            self._work.within(self.face.receive, message, CLIENT, self._stack.clock.now_ns())
+
+    def tick(self) -> list[MavMessage]:
+        """Go on by a tick, or to the robot's next answer; return what is sent meanwhile."""
+        self.sent.clear()
+        self._go_on()
+        return list(self.sent)
 
     def command(self, number: int, *params: float, sender: Sender = CLIENT) -> int:
         """Send a command; return its result a tick later, as the robot then knows its operator."""
@@ -237,10 +253,10 @@ class Gateway:
 
 
 @contextmanager
-def stack_with_gateway() -> Iterator[tuple[InProcess, Gateway]]:
+def stack_with_gateway(recordings: Path | None = None) -> Iterator[tuple[InProcess, Gateway]]:
     with InProcess("open") as stack:
         stack.operator = False  # the gateway is the only one
-        gateway = Gateway(stack)
+        gateway = Gateway(stack, recordings)
         stack.until(gateway.is_live)
         yield stack, gateway
         gateway.close()
