@@ -1,6 +1,8 @@
 """The robot can be stopped everywhere; teleop, the goal cursor, and their ends."""
 
+import os
 from itertools import product
+from pathlib import Path
 
 import pytest
 from hypothesis import given
@@ -9,6 +11,7 @@ from textual import events
 
 from ground.app.frame_rate import FrameRate
 from ground.app.input.driver import InputParser
+from ground.app.input.gamepad import ALONG, AXIS, BUTTON, EVENT
 from ground.app.input.map_cursor import Cursor, step_of
 from ground.app.input.teleop_keys import AGAIN_NS, FAST, FIRST_NS, SLOW, DeadManSwitch
 from ground.app.screens import SCREENS
@@ -135,6 +138,24 @@ async def test_teleop_lasts_until_any_other_key() -> None:
         assert stage.commands.teleop
         await stage.press("q")
         assert not stage.commands.teleop
+
+
+async def test_gamepad_drives_during_teleop_while_its_button_is_held(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    device = tmp_path / "js0"
+    os.mkfifo(device)
+    with open(device, "r+b", buffering=0) as pad:
+        monkeypatch.setattr("ground.app.input.gamepad.gamepads", lambda: [device])
+        async with staged() as stage:
+            await stage.press("t")
+            assert "the left stick with L1 held" in stage.words("prompt")
+            pad.write(EVENT.pack(0, 1, BUTTON, 4) + EVENT.pack(0, -32767, AXIS, ALONG))
+            stage.drive.poll()
+            assert stage.commands.steered[-1] == (FAST[0], 0.0)
+            pad.write(EVENT.pack(0, 0, BUTTON, 4))
+            stage.drive.poll()
+            assert stage.commands.steered[-1] == (0.0, 0.0)
 
 
 async def test_teleop_ends_in_another_mode() -> None:
