@@ -357,10 +357,11 @@ def node_modules(name: str, pins: Sequence[str]) -> Path:
             _run(["npm", "pack", "--silent", "--pack-destination", fetched, *pins])
             for pin in pins:
                 package, _, version_ = pin.rpartition("@")
-                with tarfile.open(Path(fetched, f"{package}-{version_}.tgz")) as archive:
+                file = f"{package.removeprefix('@').replace('/', '-')}-{version_}.tgz"
+                with tarfile.open(Path(fetched, file)) as archive:
                     archive.extractall(place / "unpacked", filter="data")
                 target = place / "node_modules" / package
-                target.parent.mkdir(exist_ok=True)
+                target.parent.mkdir(parents=True, exist_ok=True)
                 (place / "unpacked" / "package").rename(target)
             (place / "unpacked").rmdir()
 

@@ -117,7 +117,7 @@ def context(target: str) -> set[Path]:
 
 def prune() -> None:
     """Remove the names of older images; their layers remain while newer ones use them."""
-    for suffix in ("", "-tests"):
+    for suffix in ("", "-ros2", "-tests"):
         lines = docker("images", "--format", "{{.Repository}}:{{.Tag}}", "sidestep").splitlines()
         own = [line for line in lines if re.fullmatch(rf"{NAME}[0-9a-f]+{suffix}", line)]
         for old in own[KEPT:]:  # the newest is the first

@@ -294,7 +294,13 @@ def as_driven(options: argparse.Namespace, place: RobotNumber) -> Iterator[str]:
 
 ADDED_OPTIONS: Final[Mapping[str, Callable[[argparse.Namespace, RobotNumber], Iterator[str]]]] = (
     MappingProxyType(
-        {"robot": as_robot, "plant": as_plant, "gateway": as_gateway, "goto": as_driven}
+        {
+            "robot": as_robot,
+            "plant": as_plant,
+            "gateway": as_gateway,
+            "ros2": as_gateway,
+            "goto": as_driven,
+        }
     )
 )
 
