@@ -124,9 +124,16 @@ def write_log(path: Path, runs: Iterable[SquareRun]) -> None:
 
 
 def read_log(path: Path) -> list[SquareRun]:
-    """Read a log; raise ConfigError that names file, line, fault and remedy."""
+    """Read a log; raise ConfigError that names file, line, fault and remedy.
+
+    As spreadsheets of many countries write it, cells may be between semicolons, with decimal commas.
+    """
     try:
-        lines = list(_lines(path, csv.reader(StringIO(text_in(path, MAX_BYTES), newline=""))))
+        text, separator = text_in(path, MAX_BYTES), ","
+        if ";" in text.partition("\n")[0]:
+            text, separator = text.replace(",", "."), ";"
+        rows = csv.reader(StringIO(text, newline=""), delimiter=separator)
+        lines = list(_lines(path, rows))
     except OSError as error:
         raise _refusal(path, "", str(error.strerror).lower(), "check the path") from error
     except (UnicodeDecodeError, csv.Error) as error:

@@ -203,6 +203,12 @@ def test_log_is_read(tmp_path: Path) -> None:
     assert runs[0].measured == pytest.approx((0.01, -0.02, radians(1.5)))
 
 
+def test_log_of_a_spreadsheet_with_decimal_commas_is_read(tmp_path: Path) -> None:
+    text = (HEAD + GOOD).replace(",", ";").replace(".", ",").replace("\n", "\r\n")
+    found = calibration.read_log(written(tmp_path, f"\ufeff{text}"))
+    assert found == calibration.read_log(written(tmp_path, HEAD + GOOD))
+
+
 counters = st.tuples(st.integers(-(2**31), 2**31 - 1), st.integers(-(2**31), 2**31 - 1))
 places = st.floats(-50.0, 50.0)
 
