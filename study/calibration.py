@@ -126,7 +126,7 @@ def write_log(path: Path, runs: Iterable[SquareRun]) -> None:
 def read_log(path: Path) -> list[SquareRun]:
     """Read a log; raise ConfigError that names file, line, fault and remedy.
 
-    As spreadsheets of many countries write it, cells may be between semicolons, with decimal commas.
+    Cells may be between semicolons, with decimal commas, as some spreadsheets write them.
     """
     try:
         text, separator = text_in(path, MAX_BYTES), ","
