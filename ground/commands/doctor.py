@@ -255,7 +255,7 @@ def sonars(seen: Observed) -> Iterator[Diagnosis]:
         for times in times_ms
         if times[1:]
     ]
-    need_ms = max(gaps_ms, default=0) + PERIOD_MS
+    need_ms = (round(max(gaps_ms, default=0) / PERIOD_MS) + 1) * PERIOD_MS
     if seen.sonar_stale_ms is not None and gaps_ms and need_ms > max(seen.sonar_stale_ms, DENSE_MS):
         what = (
             f"each sonar measures every {need_ms - PERIOD_MS} ms, and its range counts as missing "

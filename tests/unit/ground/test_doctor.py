@@ -97,11 +97,14 @@ def test_a_driver_is_as_good_as_a_plant() -> None:
 RESTART_DRIVER = "restart the driver unless it is paused"
 
 
-def ring_of(order: Iterable[Iterable[int]], stale_ms: float, rounds: int = 5) -> Observed:
+def ring_of(
+    order: Iterable[Iterable[int]], stale_ms: float, rounds: int = 5, period_ms: int = 50
+) -> Observed:
     """Return what doctor has heard of a ring that pings in this order, a group each period."""
     masks = [sum(1 << sonar for sonar in group) for group in order] * rounds
     scans = tuple(
-        make(SonarScan, time_ns=number * 50 * MS, valid=valid) for number, valid in enumerate(masks)
+        make(SonarScan, time_ns=number * period_ms * MS, valid=valid)
+        for number, valid in enumerate(masks)
     )
     return replace(seen(), scans=scans, sonar_stale_ms=stale_ms)
 
@@ -110,6 +113,7 @@ def test_ring_that_pings_in_turn_needs_a_longer_stale_limit() -> None:
     whole, pairs = [range(8)], [(0, 3), (6, 1), (4, 7), (2, 5)]
     assert examine(ring_of(whole, 150.0, rounds=20)).findings == []
     assert examine(ring_of(pairs, 250.0)).findings == []
+    assert examine(ring_of(pairs, 250.0, period_ms=52)).findings == [], "a busy driver is late"
     (found,) = examine(ring_of(pairs, 150.0)).findings
     assert (found.what, found.bad) == (
         "each sonar measures every 200 ms, and its range counts as missing after 150 ms",
