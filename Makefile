@@ -214,7 +214,7 @@ prose: setup
 refresh: setup
 	@exec "$(BIN)/python" -m tests.support.refresh $(ARGS)
 
-# The screens are filmed in real time, about two minutes; they need tmux.
+# The screens are filmed in real time, in tmux, about four minutes; ARGS="screen" films one.
 pictures: setup
 	@"$(BIN)/python" -m checks.site.pictures
 	exec "$(BIN)/python" -m checks.site.film $(ARGS)

@@ -371,6 +371,11 @@ def test_readme_begins_with_a_film_of_a_drive() -> None:
     assert "REACHED" in text
 
 
+def test_each_film_is_on_a_page() -> None:
+    pages = "".join(path.read_text(encoding="utf-8") for path in DOCS.rglob("*.md"))
+    assert [name for name in film.SCENES if f"pictures/{name}.svg)" not in pages] == []
+
+
 RED = "\x1b[38;2;255;0;0m"
 
 
