@@ -883,7 +883,7 @@ class Robot(RobotLink):
             await self.wait(lambda: telemetry.latest(STATUS) is not None, NEWEST_NS)
             newest = telemetry.latest(STATUS)
             if newest is None:
-                return refusal
+                return replace(refusal, cause=await self.standstill())
             status = newest[0]
             lost = await self._lost_drive(telemetry, status)
             mission = telemetry.latest(MISSION)

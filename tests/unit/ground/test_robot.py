@@ -742,6 +742,13 @@ def test_refusal_without_simulated_time_names_that_cause(call: Call) -> None:
     assert "heartbeat" not in refused.text
 
 
+def test_lost_goal_is_not_denied_while_time_stands() -> None:
+    stage = Stage(Reason.NO_GOAL)
+    stands(stage)
+    refused = done(stage, lambda robot: robot.resume())
+    assert refused.text.startswith("refused: the simulated time of r1 stands still")
+
+
 def test_what_no_simulated_time_keeps_back_names_that_cause() -> None:
     for call in (
         lambda robot: robot.lease.show(),
