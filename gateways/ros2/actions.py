@@ -138,11 +138,12 @@ class ActionServer:
             goal = Goal(goal_id, request.goal, attachment.gid, now_ns)
             self.goals[goal_id] = goal
             goal.work = asyncio.get_running_loop().create_task(self._carry_out(goal))
+            goal.work.add_done_callback(lambda _: self._end_of(goal))
             self._publish_status()
         return self._make(f"{self._type}_SendGoal_Response", accepted, time_of(now_ns))
 
     async def _carry_out(self, goal: Goal) -> None:
-        """Carry out a goal to its end, whatever happens."""
+        """Carry out a goal, whatever happens."""
 
         def send(feedback: Build) -> None:
             name = f"{self._type}_FeedbackMessage"
@@ -157,6 +158,11 @@ class ActionServer:
             goal.status, goal.result = CANCELED, self._empty("cancelled")
         except Exception as error:
             goal.status, goal.result = ABORTED, self._empty(f"{type(error).__name__}: {error}")
+
+    def _end_of(self, goal: Goal) -> None:
+        """Note the end of a goal; its work has not even begun if it was cancelled at once."""
+        if goal.result is None:
+            goal.status, goal.result = CANCELED, self._empty("cancelled")
         goal.ended.set()
         ended = [one.goal_id for one in self.goals.values() if one.ended.is_set()]
         for goal_id in ended[:-MAX_KEPT]:

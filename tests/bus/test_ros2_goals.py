@@ -13,7 +13,7 @@ from gateways.ros2.actions import ANY
 from gateways.ros2.face import RobotFace
 from gateways.ros2.navigation import FOLLOW, NAVIGATE
 from gateways.ros2.node import MAX_QUERIES, TOO_MANY
-from gateways.ros2.wire import Distro
+from gateways.ros2.wire import Attachment, Distro
 from protocol.wire.enums import GoalState
 from tests.support.gateway.ros_network import RosPeer, free_endpoint, presented, until
 from tests.support.stacks import Paced
@@ -243,6 +243,20 @@ async def test_initial_pose_sets_the_pose(stack: Paced, peer: RosPeer) -> None:
         await until(lambda: odometry and odometry[-1][0].pose.pose.position.x == there)
 
 
+async def test_goal_that_is_cancelled_before_it_began_ends(stack: Paced, peer: RosPeer) -> None:
+    make, number = peer.interfaces.make, uuid.uuid4().bytes
+    async with presented(stack, peer.endpoint) as face:
+        await ready(face)
+        assert face.navigation is not None
+        server = face.navigation.navigate
+        goal = make(f"{NAVIGATE}_Goal", pose(peer, *near(stack, FAR_M)), "")
+        request = make(f"{NAVIGATE}_SendGoal_Request", navigator(peer)._id(number), goal)
+        assert (await server._send_goal(request, Attachment(1, 0, bytes(16)))).accepted
+        server.goals[number].cancel()
+        assert (await navigator(peer).result(number)).status == CANCELED
+        assert not server.running
+
+
 async def test_goals_leave_nothing_behind(stack: Paced, peer: RosPeer) -> None:
     client = navigator(peer)
 
@@ -259,10 +273,10 @@ async def test_goals_leave_nothing_behind(stack: Paced, peer: RosPeer) -> None:
         ends = asyncio.gather(*map(one, range(20)))
         while not (await asyncio.wait({ends}, timeout=0.2))[0]:
             await client.cancel(ANY)  # the last one would drive on
+        assert set(ends.result()) <= {CANCELED, ABORTED}
         server = face.navigation.navigate
         assert not server.running
         assert len(server.goals) == 20
-    assert set(ends.result()) <= {CANCELED, ABORTED}
     assert not moves(stack)
 
 
