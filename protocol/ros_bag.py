@@ -206,6 +206,9 @@ class BagRobot:
         self.left_out: set[str] = set()
         """Frames of sensors whose place on the robot is unknown."""
 
+        self.far_m = 0.0
+        """The largest range of its sensors so far."""
+
         self._bag, self.namespace = bag, namespace
         own = [name for name in bag.topics(ODOMETRY) if namespace_of(name) == namespace]
         self.odometry = next((one for one in own if one.endswith("/odom")), own[0])
@@ -229,6 +232,7 @@ class BagRobot:
             elif (mount := self._mount(content.header.frame_id)) is None:
                 self.left_out.add(content.header.frame_id)
             elif rays := rays_in(content, time_ns, mount):
+                self.far_m = max(self.far_m, rays.max_m)
                 yield rays
 
     def _read_links(self) -> None:

@@ -4,6 +4,7 @@ Odometry becomes odometry, and ranges become scans of the eight sonars: of a las
 nearest point. A bag has neither goals nor decisions, so the state of the robot stays unknown.
 """
 
+import json
 from collections.abc import Iterator
 from contextlib import ExitStack
 from heapq import merge
@@ -35,6 +36,9 @@ class BagFrames:
     def __init__(self, path: Path, robot: str | None) -> None:
         """Open a bag; BagError if it cannot be used, or has no such robot."""
         self.records = 0
+        self.facts: dict[str, str] = {}
+        """After reading: the circle from which sonars count here, and the largest range."""
+
         self._path = path
         self._bags: list[RosBag] = []
         self._robots: list[BagRobot] = []
@@ -59,6 +63,11 @@ class BagFrames:
             for one in merge(*map(frames_of, self._robots)):
                 self.records += 1
                 yield one
+            far_m = max((one.far_m for one in self._robots), default=0.0)
+            if far_m > 0.0:
+                rows = [("radius_m", RADIUS_M), ("sonar_max_m", far_m)]
+                listed = [{"name": name, "value": value} for name, value in rows]
+                self.facts["parameters"] = json.dumps(listed)
 
     @property
     def share(self) -> float:

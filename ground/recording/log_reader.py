@@ -337,11 +337,10 @@ def standard_key(key: str, robot: str) -> str:
 
 
 class BagLog(BagFrames):
-    """A bag of ROS 2. It holds no facts."""
+    """A bag of ROS 2."""
 
     def __init__(self, path: Path, robot: str | None) -> None:
         super().__init__(path, robot)
-        self.facts: dict[str, str] = {}
         self.lost_bytes = 0
 
     def __iter__(self) -> Iterator[LoggedFrame]:

@@ -4,7 +4,9 @@ import asyncio
 import time
 from collections.abc import Callable
 from functools import partial
+from io import StringIO
 from math import inf, isinf, nan
+from pathlib import Path
 from random import Random
 from typing import Any
 
@@ -16,12 +18,14 @@ from gateways.ros2.face import FaceSettings, RobotFace, present
 from gateways.ros2.interfaces import Interfaces
 from gateways.ros2.node import MAX_BYTES, RosSession, session_config
 from gateways.ros2.parameters import value_of
+from gateways.ros2.recorder import BagRecorder
 from gateways.ros2.velocity import GAP_S
 from gateways.ros2.wire import Distro, EntityKind, TokenParts, gid_of, read_token
 from ground.client.connection import Common
 from ground.client.robot_link import RobotLink
 from ground.robot import Robot
 from ground.ros2.offer import LATCHED
+from ground.text.output import Output
 from protocol.topics import ODOMETRY, TELEOP
 from protocol.wire.enums import Mode, Vehicle
 from tests.support.gateway.ros_network import (
@@ -32,6 +36,7 @@ from tests.support.gateway.ros_network import (
     seconds,
     until,
 )
+from tests.support.ros_bags import read_bag
 from tests.support.stacks import Paced
 
 
@@ -550,3 +555,21 @@ async def test_fuzzed_frames_and_tokens_end_nothing(stack: Paced, peer: RosPeer)
         assert face.is_ready()
         assert face.node.session.rejected > 100
     assert stack.truth.speed_m_s == 0.0
+
+
+async def test_what_is_published_is_recorded_and_hidden_topics_are_not(
+    stack: Paced, peer: RosPeer, tmp_path: Path
+) -> None:
+    seen = peer.listen("/r1/odom", "nav_msgs/msg/Odometry")
+    both = (Distro.JAZZY, Distro.LYRICAL)
+    output = Output(as_json=False, out=StringIO(), err=StringIO())
+    with BagRecorder(tmp_path, None, output) as recorder:
+        async with presented(stack, peer.endpoint, distros=both, record=recorder.take):
+            await until(lambda: len(seen) > 5)
+    (folder,) = tmp_path.iterdir()
+    found = read_bag(folder)
+    stamps = {ns_of(one.message.header.stamp) for one in found if one.topic == "/r1/odom"}
+    assert {ns_of(message.header.stamp) for message, _ in seen} <= stamps
+    names = {one.topic for one in found}
+    assert {"/r1/tf", "/r1/sonar_0", "/r1/joint_states", "/clock", "/rosout"} <= names
+    assert not any("/_" in name for name in names)

@@ -15,6 +15,8 @@ from ground.app.commands.local_commands import LocalCommands
 from ground.app.playback.player import Player
 from ground.app.screens.replay import ReplayScreen, in_one_line, newest_recordings, timeline_rows
 from ground.app.widgets.rows import width_of, words_of
+from ground.client.outcomes import NoProgress
+from ground.commands.export import Export
 from ground.console.app_commands import AppCommand
 from ground.console.parser import read
 from ground.user.folders import recordings_folder
@@ -24,7 +26,7 @@ from runtime.errors import UserError
 from runtime.units import NS_PER_S as S
 from tests.support.app import FakeCommandSink, FakeStation, Stage, driving, recorded, staged
 from tests.support.each import each
-from tests.support.ground.made_recordings import written
+from tests.support.ground.made_recordings import mcap, run, written
 from tests.support.plant import plain_world
 
 
@@ -249,3 +251,15 @@ async def test_ghosts_end_with_the_app() -> None:
         screen.start_ghost("all")
         assert screen.ghost_runner.busy
     assert not screen.ghost_runner.busy
+
+
+def test_drive_of_a_bag_is_on_the_map(tmp_path: Path) -> None:
+    file = mcap(tmp_path / "drive.mcap", list(run(60)))
+    Export(file=str(file), ros2=str(tmp_path / "bag")).run(NoProgress())
+    shown = Player(tmp_path / "bag", ManualClock())
+    shown.seek(2.5)
+    scene = shown.station.scene()
+    assert scene.robot is not None
+    assert scene.robot.x_m == pytest.approx(0.6 + 0.0125 * 39, abs=0.02)
+    assert len(scene.trail) > 2
+    assert scene.seen

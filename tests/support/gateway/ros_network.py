@@ -32,7 +32,7 @@ from gateways.ros2.wire import (
 )
 from ground.client.connection import Common
 from ground.robot import Robot
-from ground.ros2.offer import RELIABLE, Qos
+from ground.ros2.offer import RELIABLE, Qos, RosTopic
 from protocol.bus.bus import Bus, open_bus
 from protocol.bus.network import Network
 from protocol.topics import Role
@@ -193,6 +193,7 @@ async def presented(
     *,
     distros: Sequence[Distro] = (Distro.JAZZY,),
     note: Callable[[str], None] = lambda _: None,
+    record: Callable[[RosTopic, bytes], None] | None = None,
     **settings: Any,
 ) -> AsyncIterator[RobotFace]:
     """Present the robot of a stack at the router of this endpoint."""
@@ -201,7 +202,7 @@ async def presented(
         await robot.open()
         first, *others = map(Interfaces, distros)
         config = session_config({}, endpoint)
-        session = RosSession(first, config, note=note, others=others)
+        session = RosSession(first, config, note=note, others=others, record=record)
         session.start()
         face = RobotFace(robot, session, FaceSettings(**{"namespace": "/r1", **settings}), note)
         running = asyncio.create_task(face.run())
