@@ -360,7 +360,7 @@ def test_states_of_the_core_are_those_of_the_dialect(numbers: type[IntEnum]) -> 
 
 
 def test_branches_of_the_core_are_those_of_the_dialect() -> None:
-    names = ("TO_GOAL", "PASS_LEFT", "PASS_RIGHT", "ALIGN", "GIVE_UP", "LOST")
+    names = ("TO_GOAL", "PASS_LEFT", "PASS_RIGHT", "ALIGN", "GIVE_UP", "LOST", "FAILED")
     core = {"NONE": states.NO_BRANCH} | {name: getattr(states, name) for name in names}
     assert core == {member.name: member.value for member in Branch}
 
