@@ -79,7 +79,9 @@ def parts_of(path: Path) -> list[Path]:
 
 
 def files_of(path: Path) -> list[Path]:
-    """Return all files of a run that exist."""
+    """Return all files of a run or bag that exist."""
+    if path.is_dir():
+        return sorted(file for file in path.iterdir() if file.is_file())
     paths = [part for suffix in SUFFIXES for part in parts_of(path.with_suffix(suffix))]
     return [part for part in paths if part.is_file()]
 

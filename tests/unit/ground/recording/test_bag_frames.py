@@ -4,6 +4,7 @@ from itertools import pairwise
 from math import inf, isnan, nan, pi
 from pathlib import Path
 from typing import Any
+from zipfile import ZipFile
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from rosbags.typesys import Stores, get_typestore
 from ground.cli.main import main
 from ground.client.outcomes import NoProgress
 from ground.commands.export import Export
+from ground.commands.share import Share
 from ground.recording.log_reader import open_log
 from ground.ros2 import messages
 from protocol import ros_bag
@@ -251,3 +253,10 @@ def test_bag_needs_the_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
     monkeypatch.setitem(sys.modules, "rosbags.rosbag2", None)
     with pytest.raises(BagError, match=r"pip install 'sidestep\[ros2\]'"):
         open_log(path)
+
+
+def test_archive_of_a_bag_has_its_files(tmp_path: Path) -> None:
+    path = made_bag(tmp_path / "bag", [odom(n) for n in range(3)])
+    assert Share(file=str(path), out=str(tmp_path / "bag.zip")).run(NoProgress()).ok
+    with ZipFile(tmp_path / "bag.zip") as archive:
+        assert {"metadata.yaml", "bag.mcap"} <= set(archive.namelist())
