@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import subprocess
 import sys
 import sysconfig
@@ -174,7 +175,10 @@ def test_a_users_script_passes_strict_mypy_with_the_wheel(installed: Path, tmp_p
     script.write_text(TYPED)
     python = str(installed.parent / "python")
     words = ("-m", "mypy", "--strict", "--config-file=", "--python-executable", python)
-    assert "Success" in run(python, *words, script, *PROGRAMS, cwd=tmp_path)
+    # Away from the tree, whose packages mypy would check instead of those of the wheel.
+    copies = [shutil.copy(program, tmp_path) for program in PROGRAMS]
+    assert len(copies) == 5
+    assert "Success" in run(python, *words, script, *copies, cwd=tmp_path)
 
 
 def test_the_package_shows_its_api_only(installed: Path, tmp_path: Path) -> None:
