@@ -26,15 +26,40 @@ TYPES = (
 GOAL = (6.4, 6.4)
 
 
-@pytest.mark.parametrize("zenoh", ["1.7.2", "1.9.0", "1.10.2"])
-def test_foreign_nodes_drive_a_robot_through_a_forest(tmp_path: Path, zenoh: str) -> None:
-    """All distributions of ROS 2 contain Zenoh 1.8, of which there is no wheel for Python."""
+def python_of_peers(zenoh: str) -> Path:
+    """Return the Python of the other projects, with a version of Zenoh."""
     try:
         text = (HERE / "peers.txt").read_text("utf-8").replace("zenoh==1.10.2", f"zenoh=={zenoh}")
         pins = [one for one in text.split() if "==" in one]
-        python = environment("ros2-peers", pins, "python3.12")
+        return environment("ros2-peers", pins, "python3.12")
     except BuildError as error:
-        pytest.skip(f"zenoh-ros2-sdk is not installed: {error}")
+        pytest.skip(f"zenoh-ros2-sdk and pyzeros are not installed: {error}")
+
+
+def test_foreign_node_stops_the_robot(tmp_path: Path) -> None:
+    python, endpoint = python_of_peers("1.10.2"), free_endpoint()
+    router = RosPeer(endpoint)
+    with Crew() as crew:
+        words = ("--world", "open", "--no-goal", "--headless", "--no-record")
+        up = crew.start("up", *words, "--ros2", endpoint)
+        up.says("no goal")
+        done = subprocess.run(
+            [str(python), str(HERE / "stopper.py"), endpoint.rpartition(":")[2]],
+            cwd=tmp_path,  # it compiles its messages there
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert done.returncode == 0, done.stdout + done.stderr[-3000:] + up.said[-1000:]
+    router.close()
+    x_m, is_stopped, words_of_it = json.loads(done.stdout.splitlines()[-1])
+    assert (x_m, is_stopped) == (pytest.approx(0.6, abs=1e-3), True), words_of_it
+
+
+@pytest.mark.parametrize("zenoh", ["1.7.2", "1.9.0", "1.10.2"])
+def test_foreign_nodes_drive_a_robot_through_a_forest(tmp_path: Path, zenoh: str) -> None:
+    """All distributions of ROS 2 contain Zenoh 1.8, of which there is no wheel for Python."""
+    python = python_of_peers(zenoh)
     endpoint, order = free_endpoint(), tmp_path / "order.json"
     found = {
         "port": int(endpoint.rpartition(":")[2]),
