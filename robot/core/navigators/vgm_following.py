@@ -12,9 +12,10 @@ from math import inf
 from typing import Final
 
 from robot.core import states
-from robot.core.navigators import loops, open_headings
+from robot.core.navigators import look_around, loops, open_headings
 from robot.core.navigators import proof as proofs
 from robot.core.navigators.evasion import Evasion, FlankWalker
+from robot.core.navigators.look_around import LookAround
 from robot.core.navigators.loops import Loops
 from robot.core.navigators.open_headings import Sectors
 from robot.core.navigators.pace import Held
@@ -53,7 +54,8 @@ ABOUT: Final = 1251  # 110 degrees: a larger turn is made away from the boundary
 STRAIGHT: Final = 170  # 15 degrees: maximum heading error at which a proof may begin
 MARK_AFTER: Final = 2  # points of the path before a proof begins
 MAX_LOOPS: Final = 4  # lost after so many loops along boundaries with gaps
-SHUT: Final = 20  # choices without an open heading, then all echoes are dropped
+SHUT: Final = 20  # choices without an open heading, then the robot looks around
+DWELL: Final = 60  # choices, nine seconds, at one place of the path; then it looks around, too
 
 
 class VgmMemory:
@@ -85,6 +87,7 @@ class VgmMemory:
         "awaits_proof",
         "before",
         "best_m",
+        "dwell",
         "ease_mm",
         "echoes",
         "evasion",
@@ -100,6 +103,7 @@ class VgmMemory:
         "islands",
         "left_m",
         "left_place",
+        "look_around",
         "loops",
         "lost",
         "open_loops",
@@ -121,6 +125,7 @@ class VgmMemory:
         self.sectors = Sectors()
         self.loops = Loops()
         self.proof = Proof()
+        self.look_around = LookAround()
         self.flank_walker = FlankWalker()
         self.evasion = Evasion()
         self.side: int = states.LEFT
@@ -136,6 +141,7 @@ class VgmMemory:
         self.following = self.given_up = self.lost = self.awaits_proof = self.reversed = False
         self.best_m = self.left_m = self.hit_m = inf
         self.failed_leaves = self.islands = self.open_loops = self.shut = self.ease_mm = 0
+        self.dwell = 0
 
 
 def begin(memory: VgmMemory) -> None:
@@ -207,6 +213,9 @@ def hold(memory: VgmMemory, sector: int) -> None:
 
 def follow(memory: VgmMemory, pose: Pose, distance_m: float) -> None:
     """Take the first open heading from the followed point on, on the latched side."""
+    if memory.look_around.is_active:
+        look_round(memory, pose)
+        return
     x_mm, y_mm = int(1000.0 * pose.x_m), int(1000.0 * pose.y_m)
     if not is_held(memory) and not regain(memory, x_mm, y_mm):
         memory.following = False
@@ -215,7 +224,7 @@ def follow(memory: VgmMemory, pose: Pose, distance_m: float) -> None:
     heading = int(BRADS * pose.heading_rad)
     turn = open_turn(memory, start, heading)
     if turn >= CIRCLE:
-        shut_in(memory, heading)
+        shut_in(memory, pose, heading)
         return
     memory.shut = 0
     memory.heading = start + memory.side * turn
@@ -226,7 +235,11 @@ def follow(memory: VgmMemory, pose: Pose, distance_m: float) -> None:
     if -SHARP < off < SHARP:
         # On a sharp turn the point is kept: the sonars may still see an opening past it.
         hold(memory, memory.sectors.closing)
+    dropped = memory.loops.count
     closed = loops.drop(memory.loops, x_mm // 10, y_mm // 10, heading)
+    memory.dwell = memory.dwell + 1 if memory.loops.count == dropped else 0
+    if memory.dwell > DWELL:
+        look_around.begin(memory.look_around, pose)
     found = prove(memory, pose, off)
     if found == proofs.SEPARATED:
         memory.given_up = True
@@ -246,6 +259,9 @@ def watch_boundary(memory: VgmMemory, pose: Pose, ring: Ring, radius_mm: int) ->
     """Continue the chain of the proof by the scan of this tick."""
     proof = memory.proof
     proofs.look(proof.chain, ring, memory.before or pose, pose, radius_mm)
+    if memory.look_around.is_active:
+        look_around.watch(memory.look_around, proof.chain, pose, radius_mm)
+        proof.radius_mm = radius_mm
     if proof.is_valid:
         proofs.continue_chain(proof, memory.side, radius_mm, memory.goal_x_m, memory.goal_y_m)
         if not proof.is_valid:
@@ -305,14 +321,28 @@ def open_turn(memory: VgmMemory, start: int, heading: int) -> int:
     return turn + (beyond if beyond < SOFT else SOFT)
 
 
-def shut_in(memory: VgmMemory, heading: int) -> None:
-    """Turn on the spot if every heading is closed; in the end drop all echoes."""
+def shut_in(memory: VgmMemory, pose: Pose, heading: int) -> None:
+    """Turn on the spot if every heading is closed; in the end look around."""
     memory.shut += 1
     memory.heading = heading + memory.side * QUARTER
     if memory.shut > SHUT:
+        look_around.begin(memory.look_around, pose)
+
+
+def look_round(memory: VgmMemory, pose: Pose) -> None:
+    """Turn on the spot, once or twice round; give up if there is no way out, else drop all echoes."""
+    look = memory.look_around
+    memory.heading = int(BRADS * pose.heading_rad) + memory.side * QUARTER
+    if not look_around.is_round(look):
+        return
+    memory.shut = memory.dwell = 0
+    if not look_around.is_shut(look, memory.proof.radius_mm):
+        look.is_active = memory.following = False
         echo_memory.clear(memory.echoes)
-        memory.shut = 0
-        memory.following = False
+        return
+    look.rounds += 1
+    memory.given_up = look.rounds >= look_around.ROUNDS
+    look_around.new_round(look)
 
 
 def is_astray(memory: VgmMemory, distance_m: float) -> bool:
