@@ -9,20 +9,23 @@ the two surfaces. If that holds all the way round, the surfaces shut the robot i
 Bearings are brads: integers, 4096 to the circle.
 """
 
+from math import sqrt
 from typing import Final
 
 from robot.core.navigators.proof import Chain, chain_width_mm
 from robot.core.perception.echoes import BRADS, CIRCLE, HALF_CIRCLE, NOTHING
 from robot.core.ring import CONE, SONARS
-from robot.core.values import EVERY, Pose
-from runtime.elementary import cos
+from robot.core.values import EVERY, Pose, whole_cos_sin
+from runtime.elementary import coarse_atan2, cos
 
 BINS: Final = 128
 BIN: Final = CIRCLE // BINS
 ROUNDS: Final = 2  # so that nobody who passes by is taken for a wall
 MOVED_MM: Final = 30  # farther from where the turn began, it begins again
 MAX_EMPTY: Final = 2  # bins in a row without an echo
+MAX_DRIVE: Final = 60  # choices on the way to the middle
 UNIT_MM: Final = 4  # of the stored distances; they are rounded up
+MAX_AWAY: Final = 130  # in UNIT_MM, where there was no echo
 FIRST: Final = int(BRADS * -0.5 * (SONARS - 1) * CONE)
 NEXT: Final = int(BRADS * CONE)
 COSINES: Final = tuple(
@@ -35,21 +38,36 @@ class LookAround:
     """A turn on the spot: the distance of the last echo in each direction, in UNIT_MM.
 
     `x_mm` and `y_mm` are where it began, `heading` is the last one, `turned` the turn since then.
-    `rounds` counts the whole turns that were closed by echoes all the way round.
+    `rounds` counts the whole turns that were closed by echoes all the way round. `drive` is the
+    number of choices for which the robot still drives at `bearing`, to the middle of the place, and
+    `is_middle` is set once it has.
     """
 
-    __slots__ = ("away", "heading", "is_active", "rounds", "turned", "x_mm", "y_mm")
+    __slots__ = (
+        "away",
+        "bearing",
+        "drive",
+        "heading",
+        "is_active",
+        "is_middle",
+        "rounds",
+        "turned",
+        "way_mm",
+        "x_mm",
+        "y_mm",
+    )
 
     def __init__(self) -> None:
         self.away = bytearray(BINS)
-        self.is_active = False
+        self.is_active = self.is_middle = False
+        self.bearing = self.drive = self.way_mm = 0
         self.x_mm = self.y_mm = self.heading = self.turned = self.rounds = 0
 
 
 def begin(look: LookAround, pose: Pose) -> None:
     """Begin here."""
     look.is_active = True
-    look.rounds = 0
+    look.rounds = look.drive = 0
     look.x_mm, look.y_mm = int(1000.0 * pose.x_m), int(1000.0 * pose.y_m)
     look.heading = int(BRADS * pose.heading_rad)
     new_round(look)
@@ -64,6 +82,8 @@ def new_round(look: LookAround) -> None:
 
 def watch(look: LookAround, chain: Chain, pose: Pose, radius_mm: int) -> None:
     """Store the echoes of a scan by direction; begin again where the robot has moved."""
+    if look.drive > 0:
+        return
     dx_mm, dy_mm = int(1000.0 * pose.x_m) - look.x_mm, int(1000.0 * pose.y_m) - look.y_mm
     if not (-MOVED_MM < dx_mm < MOVED_MM and -MOVED_MM < dy_mm < MOVED_MM):
         begin(look, pose)
@@ -104,3 +124,30 @@ def is_shut(look: LookAround, radius_mm: int) -> bool:
                 return False
         last = k
     return last != NOTHING
+
+
+def to_middle(look: LookAround) -> bool:
+    """Begin to drive to the middle of the place, once; return False if that has been tried.
+
+    A round place with the robot `e` beside its middle has its surfaces at R + e cos(bearing).
+    """
+    if look.is_middle:
+        return False
+    x = y = 0
+    for k in range(BINS):
+        cosine, sine = whole_cos_sin((k + 0.5) * BIN / BRADS)
+        away = look.away[k] or MAX_AWAY
+        x += away * cosine
+        y += away * sine
+    look.is_middle = True
+    look.bearing = int(BRADS * coarse_atan2(y, x))
+    look.drive = MAX_DRIVE
+    look.way_mm = 2 * UNIT_MM * int(sqrt(x * x + y * y)) // (BINS << 10)
+    return True
+
+
+def is_there(look: LookAround, pose: Pose) -> bool:
+    """Return whether the robot has driven to the middle, or has tried for long enough."""
+    dx_mm, dy_mm = int(1000.0 * pose.x_m) - look.x_mm, int(1000.0 * pose.y_m) - look.y_mm
+    look.drive -= 1
+    return look.drive == 0 or dx_mm * dx_mm + dy_mm * dy_mm >= look.way_mm * look.way_mm

@@ -55,7 +55,7 @@ STRAIGHT: Final = 170  # 15 degrees: maximum heading error at which a proof may 
 MARK_AFTER: Final = 2  # points of the path before a proof begins
 MAX_LOOPS: Final = 4  # lost after so many loops along boundaries with gaps
 SHUT: Final = 20  # choices without an open heading, then the robot looks around
-DWELL: Final = 60  # choices, nine seconds, at one place of the path; then it looks around, too
+DWELL: Final = 40  # choices, nine seconds, at one place of the path; then it looks around, too
 
 
 class VgmMemory:
@@ -332,13 +332,19 @@ def shut_in(memory: VgmMemory, pose: Pose, heading: int) -> None:
 def look_round(memory: VgmMemory, pose: Pose) -> None:
     """Turn on the spot, once or twice round; give up if there is no way out, else drop all echoes."""
     look = memory.look_around
+    if look.drive > 0:
+        memory.heading = look.bearing
+        if look_around.is_there(look, pose):
+            look_around.begin(look, pose)
+        return
     memory.heading = int(BRADS * pose.heading_rad) + memory.side * QUARTER
     if not look_around.is_round(look):
         return
     memory.shut = memory.dwell = 0
     if not look_around.is_shut(look, memory.proof.radius_mm):
-        look.is_active = memory.following = False
         echo_memory.clear(memory.echoes)
+        if not look_around.to_middle(look):
+            look.is_active = look.is_middle = memory.following = False
         return
     look.rounds += 1
     memory.given_up = look.rounds >= look_around.ROUNDS
