@@ -163,22 +163,49 @@ def ramp(wanted: Twist, last: Twist, params: Params) -> Twist:
     return Twist(last_m_s + share * more_m_s, last_rad_s + share * more_rad_s)
 
 
-class ProgressMonitor:
-    """Place and time of the last real motion, and the shortest distance to the goal so far."""
+SQUARE_M: Final = 2.0
+SQUARES: Final = 32
+"""On a side, after which the pattern repeats."""
+GAINLESS_MS: Final = 120_000
+SQUARE_MS: Final = 40_000
+"""A robot that drives four times through all squares that it knows takes this for each."""
 
-    __slots__ = ("anchor", "best_m", "best_ms", "moved_ms")
+
+class ProgressMonitor:
+    """Place and time of the last real motion, and the shortest distance to the goal so far.
+
+    `seen` has a bit for each square of 2 m in which the robot has been, `squares` is their number,
+    and `gained_ms` the time of the last new one, or of a shorter distance.
+    """
+
+    __slots__ = ("anchor", "best_m", "best_ms", "gained_ms", "moved_ms", "seen", "squares")
 
     def __init__(self) -> None:
         self.anchor = Pose(0.0, 0.0, 0.0)
-        self.moved_ms = self.best_ms = 0
+        self.moved_ms = self.best_ms = self.gained_ms = self.squares = 0
         self.best_m = inf
+        self.seen = bytearray(SQUARES * SQUARES // 8)
 
 
 def restart(progress: ProgressMonitor, pose: Pose, now_ms: int) -> None:
     """Restart the timers: for a new goal, a new part of the trail, or after a hold."""
     progress.anchor = pose
     progress.best_m = inf
-    progress.moved_ms = progress.best_ms = now_ms
+    progress.moved_ms = progress.best_ms = progress.gained_ms = now_ms
+    progress.squares = 0
+    for i in range(len(progress.seen)):
+        progress.seen[i] = 0
+
+
+def explore(progress: ProgressMonitor, pose: Pose) -> bool:
+    """Note the square of this place; return whether it is new."""
+    column, row = int(pose.x_m // SQUARE_M) % SQUARES, int(pose.y_m // SQUARE_M) % SQUARES
+    i, bit = (row * SQUARES + column) // 8, 1 << column % 8
+    if progress.seen[i] & bit:
+        return False
+    progress.seen[i] |= bit
+    progress.squares += 1
+    return True
 
 
 def judge(
@@ -189,19 +216,26 @@ def judge(
     params: Params,
     patient: bool = False,
 ) -> int:
-    """Return BLOCKED, NO_PROGRESS, or 0.
+    """Return BLOCKED, NO_PROGRESS, LOST, or 0.
 
-    `patient`: the navigator detects a lack of progress itself; only BLOCKED is returned.
+    `patient`: the navigator detects a lack of progress itself. LOST is returned instead of
+    NO_PROGRESS, once the robot has been in no new place for as long as several ways along all
+    places where it has been take.
     """
+    if explore(progress, pose):
+        progress.gained_ms = now_ms
     if distance_m < progress.best_m - params.progress_m:
         progress.best_m = distance_m
-        progress.best_ms = now_ms
+        progress.best_ms = progress.gained_ms = now_ms
     if got_away(progress.anchor, pose, params):
         progress.anchor = pose
         progress.moved_ms = now_ms
     if now_ms - progress.moved_ms > params.stuck_ms:
         return reasons.BLOCKED
-    if not patient and now_ms - progress.best_ms > params.progress_ms:
+    if patient:
+        if now_ms - progress.gained_ms > GAINLESS_MS + SQUARE_MS * progress.squares:
+            return reasons.LOST
+    elif now_ms - progress.best_ms > params.progress_ms:
         return reasons.NO_PROGRESS
     return reasons.OK
 

@@ -4,7 +4,11 @@ In a cell that is hardly larger than the robot a lap along the boundary is too s
 echoes (`proof`). But there each cone sees a surface close by, whatever its direction. An echo shows
 that a surface touches the arc of its cone at that distance, but not where. If every point of one
 arc is nearer to every point of the next one than the robot is wide, the robot does not fit between
-the two surfaces. If that holds all the way round, the surfaces shut the robot in.
+the two surfaces. If that holds all the way round, the surfaces shut the robot in. Where a surface
+is too far away for that, the robot drives to the middle of the place, and turns there once more.
+
+While the robot looks around it has no path and no proof. So their memory is used: the points of
+the path hold the distances, and the place of the mark is where the turn began.
 
 Bearings are brads: integers, 4096 to the circle.
 """
@@ -12,142 +16,111 @@ Bearings are brads: integers, 4096 to the circle.
 from math import sqrt
 from typing import Final
 
-from robot.core.navigators.proof import Chain, chain_width_mm
-from robot.core.perception.echoes import BRADS, CIRCLE, HALF_CIRCLE, NOTHING
+from robot.core.navigators.loops import CRUMBS, Loops
+from robot.core.navigators.proof import Proof, chain_width_mm, turn, void
+from robot.core.perception.echoes import BRADS, CIRCLE, NOTHING
 from robot.core.ring import CONE, SONARS
 from robot.core.values import EVERY, Pose, whole_cos_sin
 from runtime.elementary import coarse_atan2, cos
 
-BINS: Final = 128
-BIN: Final = CIRCLE // BINS
+EACH: Final = 3  # distances in the place of a point
+BINS: Final = EACH * CRUMBS
 ROUNDS: Final = 2  # so that nobody who passes by is taken for a wall
 MOVED_MM: Final = 30  # farther from where the turn began, it begins again
-MAX_EMPTY: Final = 2  # bins in a row without an echo
-MAX_DRIVE: Final = 60  # choices on the way to the middle
-UNIT_MM: Final = 4  # of the stored distances; they are rounded up
-MAX_AWAY: Final = 130  # in UNIT_MM, where there was no echo
+MAX_GAP: Final = 4  # bins from an echo to the next one
+UNIT_MM: Final = 4  # of the distances; they are rounded up
+MAX_AWAY: Final = 130  # where there was no echo
 FIRST: Final = int(BRADS * -0.5 * (SONARS - 1) * CONE)
 NEXT: Final = int(BRADS * CONE)
 COSINES: Final = tuple(
-    [int(1024 * cos(CONE + (gap + 1) * BIN / BRADS)) for gap in range(MAX_EMPTY + 2)]
+    [int(1024 * cos(CONE + (gap + 1) * CIRCLE / BINS / BRADS)) for gap in range(MAX_GAP + 1)]
 )
 """Cosines, scaled to 1024, of the largest angle between points of two cones so many bins apart."""
 
 
-class LookAround:
-    """A turn on the spot: the distance of the last echo in each direction, in UNIT_MM.
-
-    `x_mm` and `y_mm` are where it began, `heading` is the last one, `turned` the turn since then.
-    `rounds` counts the whole turns that were closed by echoes all the way round. `drive` is the
-    number of choices for which the robot still drives at `bearing`, to the middle of the place, and
-    `is_middle` is set once it has.
-    """
-
-    __slots__ = (
-        "away",
-        "bearing",
-        "drive",
-        "heading",
-        "is_active",
-        "is_middle",
-        "rounds",
-        "turned",
-        "way_mm",
-        "x_mm",
-        "y_mm",
-    )
-
-    def __init__(self) -> None:
-        self.away = bytearray(BINS)
-        self.is_active = self.is_middle = False
-        self.bearing = self.drive = self.way_mm = 0
-        self.x_mm = self.y_mm = self.heading = self.turned = self.rounds = 0
+def begin(proof: Proof, path: Loops, pose: Pose) -> None:
+    """Begin to turn here; the proof is void, and the path forgotten."""
+    void(proof)
+    proof.closed = 0
+    proof.mark_x_mm, proof.mark_y_mm = int(1000.0 * pose.x_m), int(1000.0 * pose.y_m)
+    proof.heading = int(BRADS * pose.heading_rad)
+    new_round(proof, path)
 
 
-def begin(look: LookAround, pose: Pose) -> None:
-    """Begin here."""
-    look.is_active = True
-    look.rounds = look.drive = 0
-    look.x_mm, look.y_mm = int(1000.0 * pose.x_m), int(1000.0 * pose.y_m)
-    look.heading = int(BRADS * pose.heading_rad)
-    new_round(look)
-
-
-def new_round(look: LookAround) -> None:
+def new_round(proof: Proof, path: Loops) -> None:
     """Forget the echoes of the last round."""
-    look.turned = 0
-    for k in range(BINS):
-        look.away[k] = 0
+    proof.turned = path.count = path.matches = 0
+    for k in range(CRUMBS):
+        path.place[k] = 0
 
 
-def watch(look: LookAround, chain: Chain, pose: Pose, radius_mm: int) -> None:
+def away(path: Loops, k: int) -> int:
+    """Return the distance of the last echo in a bin; 0 if there was none."""
+    return path.place[k // EACH] >> 8 * (k % EACH) & 255
+
+
+def watch(proof: Proof, path: Loops, pose: Pose, radius_mm: int) -> None:
     """Store the echoes of a scan by direction; begin again where the robot has moved."""
-    if look.drive > 0:
-        return
-    dx_mm, dy_mm = int(1000.0 * pose.x_m) - look.x_mm, int(1000.0 * pose.y_m) - look.y_mm
-    if not (-MOVED_MM < dx_mm < MOVED_MM and -MOVED_MM < dy_mm < MOVED_MM):
-        begin(look, pose)
+    proof.radius_mm = radius_mm
+    if moved_mm(proof, pose) > MOVED_MM:
+        begin(proof, path, pose)
         return
     heading = int(BRADS * pose.heading_rad)
-    step = (heading - look.heading + HALF_CIRCLE) % CIRCLE - HALF_CIRCLE
+    step = turn(proof.heading, heading)
     halfway = heading - step // 2
-    look.heading = heading
-    look.turned += step
+    proof.heading = heading
+    proof.turned += step
+    chain, place = proof.chain, path.place
     for i in EVERY:
         if chain.seen >> i & 1:
             bearing = (heading if i & 1 else halfway) + FIRST + i * NEXT
-            away = (chain.range_mm[i + 1] + radius_mm + UNIT_MM - 1) // UNIT_MM
-            look.away[bearing // BIN % BINS] = away
+            k = bearing % CIRCLE * BINS // CIRCLE
+            shift = 8 * (k % EACH)
+            here = (chain.range_mm[i + 1] + radius_mm + UNIT_MM - 1) // UNIT_MM
+            k = k // EACH
+            place[k] = place[k] & ~(255 << shift) | here << shift
 
 
-def is_round(look: LookAround) -> bool:
+def moved_mm(proof: Proof, pose: Pose) -> int:
+    """Return the distance from where the robot began to turn, or to drive to the middle."""
+    dx_mm = int(1000.0 * pose.x_m) - proof.mark_x_mm
+    dy_mm = int(1000.0 * pose.y_m) - proof.mark_y_mm
+    return int(sqrt(dx_mm * dx_mm + dy_mm * dy_mm))
+
+
+def is_round(proof: Proof) -> bool:
     """Return whether the robot has turned once round."""
-    return not -CIRCLE < look.turned < CIRCLE
+    return not -CIRCLE < proof.turned < CIRCLE
 
 
-def is_shut(look: LookAround, radius_mm: int) -> bool:
-    """Return whether the robot fits between no two of the surfaces around it."""
-    width_mm = chain_width_mm(radius_mm)
-    width2 = width_mm * width_mm // (UNIT_MM * UNIT_MM)
-    away = look.away
-    last = NOTHING
-    for k in range(2 * BINS):
-        here = away[k % BINS]
+def is_shut(proof: Proof, path: Loops) -> bool:
+    """Return whether the robot fits between no two of the surfaces around it, in any round."""
+    width = chain_width_mm(proof.radius_mm) // UNIT_MM
+    last, there = NOTHING, 0
+    for k in range(BINS + MAX_GAP):
+        here = away(path, k % BINS)
         if here == 0:
             continue
         if last != NOTHING:
             gap = k - last
-            if gap > MAX_EMPTY + 1:
+            if gap > MAX_GAP:
                 return False
-            there = away[last % BINS]
-            if here * here + there * there - (here * there * COSINES[gap] >> 9) >= width2:
+            if here * here + there * there - (here * there * COSINES[gap] >> 9) >= width * width:
                 return False
-        last = k
-    return last != NOTHING
+        last, there = k, here
+    return last >= BINS
 
 
-def to_middle(look: LookAround) -> bool:
-    """Begin to drive to the middle of the place, once; return False if that has been tried.
+def to_middle(proof: Proof, path: Loops) -> None:
+    """Note in `goal_angle` and `way_mm` the bearing and distance of the middle of the place.
 
     A round place with the robot `e` beside its middle has its surfaces at R + e cos(bearing).
     """
-    if look.is_middle:
-        return False
     x = y = 0
     for k in range(BINS):
-        cosine, sine = whole_cos_sin((k + 0.5) * BIN / BRADS)
-        away = look.away[k] or MAX_AWAY
-        x += away * cosine
-        y += away * sine
-    look.is_middle = True
-    look.bearing = int(BRADS * coarse_atan2(y, x))
-    look.drive = MAX_DRIVE
-    look.way_mm = 2 * UNIT_MM * int(sqrt(x * x + y * y)) // (BINS << 10)
-    return True
-
-
-def is_there(look: LookAround, pose: Pose) -> bool:
-    """Return whether the robot has driven to the middle, or has tried for long enough."""
-    dx_mm, dy_mm = int(1000.0 * pose.x_m) - look.x_mm, int(1000.0 * pose.y_m) - look.y_mm
-    look.drive -= 1
-    return look.drive == 0 or dx_mm * dx_mm + dy_mm * dy_mm >= look.way_mm * look.way_mm
+        cosine, sine = whole_cos_sin((k + 0.5) * CIRCLE / BINS / BRADS)
+        here = away(path, k) or MAX_AWAY
+        x += here * cosine
+        y += here * sine
+    proof.way_mm = 2 * UNIT_MM * int(sqrt(x * x + y * y)) // (BINS << 10)
+    proof.goal_angle = int(BRADS * coarse_atan2(y, x))

@@ -15,7 +15,6 @@ from robot.core import states
 from robot.core.navigators import look_around, loops, open_headings
 from robot.core.navigators import proof as proofs
 from robot.core.navigators.evasion import Evasion, FlankWalker
-from robot.core.navigators.look_around import LookAround
 from robot.core.navigators.loops import Loops
 from robot.core.navigators.open_headings import Sectors
 from robot.core.navigators.pace import Held
@@ -54,8 +53,10 @@ ABOUT: Final = 1251  # 110 degrees: a larger turn is made away from the boundary
 STRAIGHT: Final = 170  # 15 degrees: maximum heading error at which a proof may begin
 MARK_AFTER: Final = 2  # points of the path before a proof begins
 MAX_LOOPS: Final = 4  # lost after so many loops along boundaries with gaps
-SHUT: Final = 20  # choices without an open heading, then the robot looks around
-DWELL: Final = 40  # choices, nine seconds, at one place of the path; then it looks around, too
+DWELL: Final = 40  # choices, six seconds, at one place; half of it without an open heading
+LOOKS: Final = -1
+MIDDLE: Final = -2
+MAX_DRIVE: Final = 60  # choices on the way to the middle of the place
 
 
 class VgmMemory:
@@ -74,9 +75,10 @@ class VgmMemory:
     found neither a path nor a proof.
 
     `heading` is the last choice, `rotation` its angle from the goal's direction. `held` are the
-    ranges that limit the speed (`pace`). `shut` counts the choices without an open heading. `still`
-    counts the choices near `still_*_mm`. `phase` selects the work of a tick; `before` is the pose
-    one tick ago.
+    ranges that limit the speed (`pace`). `dwell` counts the choices at one place of the path, twice
+    those without an open heading. It is LOOKS or MIDDLE while the robot turns there to look around,
+    and less on the way to the middle. `still` counts the choices near `still_*_mm`. `phase` selects
+    the work of a tick; `before` is the pose one tick ago.
     """
 
     __slots__ = (
@@ -103,7 +105,6 @@ class VgmMemory:
         "islands",
         "left_m",
         "left_place",
-        "look_around",
         "loops",
         "lost",
         "open_loops",
@@ -113,7 +114,6 @@ class VgmMemory:
         "reversed",
         "rotation",
         "sectors",
-        "shut",
         "side",
         "still",
         "still_x_mm",
@@ -125,7 +125,6 @@ class VgmMemory:
         self.sectors = Sectors()
         self.loops = Loops()
         self.proof = Proof()
-        self.look_around = LookAround()
         self.flank_walker = FlankWalker()
         self.evasion = Evasion()
         self.side: int = states.LEFT
@@ -140,8 +139,7 @@ class VgmMemory:
         self.still = self.still_x_mm = self.still_y_mm = 0
         self.following = self.given_up = self.lost = self.awaits_proof = self.reversed = False
         self.best_m = self.left_m = self.hit_m = inf
-        self.failed_leaves = self.islands = self.open_loops = self.shut = self.ease_mm = 0
-        self.dwell = 0
+        self.failed_leaves = self.islands = self.open_loops = self.dwell = self.ease_mm = 0
 
 
 def begin(memory: VgmMemory) -> None:
@@ -149,7 +147,7 @@ def begin(memory: VgmMemory) -> None:
     memory.best_m = memory.left_m = memory.hit_m = inf
     memory.following = memory.given_up = memory.lost = memory.awaits_proof = memory.reversed = False
     memory.open_loops = memory.rotation = memory.passed = 0
-    memory.failed_leaves = memory.islands = memory.shut = memory.ease_mm = 0
+    memory.failed_leaves = memory.islands = memory.dwell = memory.ease_mm = 0
     memory.loops.hits = 0
     loops.restart(memory.loops)
     proofs.void(memory.proof)
@@ -161,7 +159,7 @@ def hit(
     """Latch the side with more room and the smaller rotation, unless it was tried here before."""
     sectors = memory.sectors
     memory.following = True
-    memory.shut = 0
+    memory.dwell = 0
     closing = open_headings.closer(sectors, to_goal, sectors.tight)
     if closing != NOTHING:
         hold(memory, closing)
@@ -213,7 +211,7 @@ def hold(memory: VgmMemory, sector: int) -> None:
 
 def follow(memory: VgmMemory, pose: Pose, distance_m: float) -> None:
     """Take the first open heading from the followed point on, on the latched side."""
-    if memory.look_around.is_active:
+    if memory.dwell < 0:
         look_round(memory, pose)
         return
     x_mm, y_mm = int(1000.0 * pose.x_m), int(1000.0 * pose.y_m)
@@ -224,9 +222,9 @@ def follow(memory: VgmMemory, pose: Pose, distance_m: float) -> None:
     heading = int(BRADS * pose.heading_rad)
     turn = open_turn(memory, start, heading)
     if turn >= CIRCLE:
-        shut_in(memory, pose, heading)
+        memory.heading = heading + memory.side * QUARTER
+        stay(memory, pose, 2)
         return
-    memory.shut = 0
     memory.heading = start + memory.side * turn
     off = (memory.heading - heading + HALF_CIRCLE) % CIRCLE - HALF_CIRCLE
     if off * memory.side < -ABOUT:
@@ -235,11 +233,11 @@ def follow(memory: VgmMemory, pose: Pose, distance_m: float) -> None:
     if -SHARP < off < SHARP:
         # On a sharp turn the point is kept: the sonars may still see an opening past it.
         hold(memory, memory.sectors.closing)
-    dropped = memory.loops.count
     closed = loops.drop(memory.loops, x_mm // 10, y_mm // 10, heading)
-    memory.dwell = memory.dwell + 1 if memory.loops.count == dropped else 0
-    if memory.dwell > DWELL:
-        look_around.begin(memory.look_around, pose)
+    if memory.loops.count >= MARK_AFTER:
+        memory.dwell = 0
+    elif stay(memory, pose, 1):
+        return
     found = prove(memory, pose, off)
     if found == proofs.SEPARATED:
         memory.given_up = True
@@ -259,9 +257,8 @@ def watch_boundary(memory: VgmMemory, pose: Pose, ring: Ring, radius_mm: int) ->
     """Continue the chain of the proof by the scan of this tick."""
     proof = memory.proof
     proofs.look(proof.chain, ring, memory.before or pose, pose, radius_mm)
-    if memory.look_around.is_active:
-        look_around.watch(memory.look_around, proof.chain, pose, radius_mm)
-        proof.radius_mm = radius_mm
+    if memory.dwell == LOOKS or memory.dwell == MIDDLE:
+        look_around.watch(proof, memory.loops, pose, radius_mm)
     if proof.is_valid:
         proofs.continue_chain(proof, memory.side, radius_mm, memory.goal_x_m, memory.goal_y_m)
         if not proof.is_valid:
@@ -321,34 +318,45 @@ def open_turn(memory: VgmMemory, start: int, heading: int) -> int:
     return turn + (beyond if beyond < SOFT else SOFT)
 
 
-def shut_in(memory: VgmMemory, pose: Pose, heading: int) -> None:
-    """Turn on the spot if every heading is closed; in the end look around."""
-    memory.shut += 1
-    memory.heading = heading + memory.side * QUARTER
-    if memory.shut > SHUT:
-        look_around.begin(memory.look_around, pose)
+def stay(memory: VgmMemory, pose: Pose, choices: int) -> bool:
+    """Count choices at one place; return whether the robot looks around now."""
+    memory.dwell += choices
+    if memory.dwell <= DWELL:
+        return False
+    memory.dwell = LOOKS
+    look_around.begin(memory.proof, memory.loops, pose)
+    return True
 
 
 def look_round(memory: VgmMemory, pose: Pose) -> None:
-    """Turn on the spot, once or twice round; give up if there is no way out, else drop all echoes."""
-    look = memory.look_around
-    if look.drive > 0:
-        memory.heading = look.bearing
-        if look_around.is_there(look, pose):
-            look_around.begin(look, pose)
+    """Turn once round on the spot, then in the middle; give up if there is no way out.
+
+    Else drop all echoes: the robot has been kept here by some that are false or old.
+    """
+    proof, path = memory.proof, memory.loops
+    if memory.dwell < MIDDLE:
+        memory.dwell += 1
+        memory.heading = proof.goal_angle
+        if memory.dwell == MIDDLE or look_around.moved_mm(proof, pose) >= proof.way_mm:
+            memory.dwell = MIDDLE
+            look_around.begin(proof, path, pose)
         return
     memory.heading = int(BRADS * pose.heading_rad) + memory.side * QUARTER
-    if not look_around.is_round(look):
+    if not look_around.is_round(proof):
         return
-    memory.shut = memory.dwell = 0
-    if not look_around.is_shut(look, memory.proof.radius_mm):
-        echo_memory.clear(memory.echoes)
-        if not look_around.to_middle(look):
-            look.is_active = look.is_middle = memory.following = False
+    if look_around.is_shut(proof, path):
+        proof.closed += 1
+        memory.given_up = proof.closed >= look_around.ROUNDS
+        look_around.new_round(proof, path)
         return
-    look.rounds += 1
-    memory.given_up = look.rounds >= look_around.ROUNDS
-    look_around.new_round(look)
+    echo_memory.clear(memory.echoes)
+    if memory.dwell == LOOKS:
+        memory.dwell = MIDDLE - MAX_DRIVE
+        look_around.to_middle(proof, path)
+    else:
+        memory.dwell = 0
+        memory.following = False
+        restart(memory)
 
 
 def is_astray(memory: VgmMemory, distance_m: float) -> bool:

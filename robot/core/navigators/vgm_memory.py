@@ -67,7 +67,7 @@ def step(memory: VgmMemory, pose: Pose, ring: Ring, goal: Goal, params: Params) 
             give_way(memory)
         elif memory.sectors.count or memory.following:
             choose(memory, pose, ring, to_goal, distance_m, params)
-        if memory.look_around.is_active:
+        if memory.following and memory.dwell < 0:
             memory.still = 0
         elif is_stationary(memory, int(1000.0 * pose.x_m), int(1000.0 * pose.y_m)):
             block_heading(memory, pose, radius_mm)
