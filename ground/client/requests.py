@@ -259,6 +259,7 @@ class GoalWatch:
         self._seen = False
         self._replacement: NavigatorStatus | None = None
         self._replaced_ns = 0
+        self._is_other_shown = False
         self._driver: tuple[int, str] = (0, "")
         self.end: GoalEnd | None = None
 
@@ -292,6 +293,8 @@ class GoalWatch:
             self._started_stamp_ns = status.goal_started_ns
             self.end = _end_in(status)
         elif not (self._seen or now_ns - self._accepted_ns > UNSEEN_NS):
+            is_crossed = now_ns - self._accepted_ns <= CROSSING_NS
+            self._is_other_shown = bool(status.goal_id) and not is_crossed
             return
         elif not status.goal_id:
             self.end = GoalEnd("aborted", "the robot has restarted and lost the goal")
@@ -345,7 +348,11 @@ class GoalWatch:
         if self._timeout_ns is not None and elapsed_ns >= self._timeout_ns:
             why = f"goal not reached within {self._timeout_ns / NS_PER_S:g} s"
             self.end = GoalEnd("timeout", why, abort=True)
-        elif self.silent_ns(now_ns) >= SILENCE_NS:
+        elif self.silent_ns(now_ns) < SILENCE_NS:
+            return
+        elif self._is_other_shown:
+            self.end = GoalEnd(REPLACED, BY_ANOTHER)
+        else:
             why = f"no message from the robot for {self.silent_ns(now_ns) / NS_PER_S:.1f} s"
             self.end = GoalEnd("aborted", why, abort=True)
 

@@ -255,6 +255,19 @@ def test_goal_that_was_never_shown_is_replaced_by_one_that_nobody_can_name() -> 
     assert drive.watch.end == GoalEnd("replaced", "by another")
 
 
+@each(("after_ms", "outcome"), [(300, "aborted"), (301, "replaced")])
+def test_silence_after_another_goal_was_shown_is_no_abort(after_ms: int, outcome: str) -> None:
+    """A status of before our goal may arrive just after its acceptance; later ones know it."""
+    drive = Drive()
+    drive.pass_(after_ms * MS)
+    drive.receive(status(0, goal_id=MINE + 1))
+    drive.pass_(2_999 * MS)
+    assert drive.watch.end is None
+    drive.pass_(MS)
+    assert drive.watch.end is not None
+    assert drive.watch.end.outcome == outcome
+
+
 def test_old_status_that_arrives_before_ours_is_accepted_ends_nothing() -> None:
     """Sending may take seconds on a busy machine; the newest status is then of another goal."""
     drive = Drive()
