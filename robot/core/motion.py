@@ -166,7 +166,7 @@ def ramp(wanted: Twist, last: Twist, params: Params) -> Twist:
 SQUARE_M: Final = 2.0
 SQUARES: Final = 32
 """On a side, after which the pattern repeats."""
-GAINLESS_MS: Final = 120_000
+GAINLESS_MS: Final = 180_000
 SQUARE_MS: Final = 40_000
 """A robot that drives four times through all squares that it knows takes this for each."""
 

@@ -53,7 +53,9 @@ ABOUT: Final = 1251  # 110 degrees: a larger turn is made away from the boundary
 STRAIGHT: Final = 170  # 15 degrees: maximum heading error at which a proof may begin
 MARK_AFTER: Final = 2  # points of the path before a proof begins
 MAX_LOOPS: Final = 4  # lost after so many loops along boundaries with gaps
-DWELL: Final = 40  # choices, six seconds, at one place; half of it without an open heading
+DWELL: Final = 80  # choices, twelve seconds, near one point of the path; then it looks around
+AT_FIRST: Final = 2  # so much counts a choice near the first point
+SHUT: Final = 4  # and one without an open heading
 LOOKS: Final = -1
 MIDDLE: Final = -2
 MAX_DRIVE: Final = 60  # choices on the way to the middle of the place
@@ -75,8 +77,8 @@ class VgmMemory:
     found neither a path nor a proof.
 
     `heading` is the last choice, `rotation` its angle from the goal's direction. `held` are the
-    ranges that limit the speed (`pace`). `dwell` counts the choices at one place of the path, twice
-    those without an open heading. It is LOOKS or MIDDLE while the robot turns there to look around,
+    ranges that limit the speed (`pace`). `dwell` counts the choices near one point of the path, by
+    their weight. It is LOOKS or MIDDLE while the robot turns there to look around,
     and less on the way to the middle. `still` counts the choices near `still_*_mm`. `phase` selects
     the work of a tick; `before` is the pose one tick ago.
     """
@@ -223,7 +225,7 @@ def follow(memory: VgmMemory, pose: Pose, distance_m: float) -> None:
     turn = open_turn(memory, start, heading)
     if turn >= CIRCLE:
         memory.heading = heading + memory.side * QUARTER
-        stay(memory, pose, 2)
+        stay(memory, pose, SHUT)
         return
     memory.heading = start + memory.side * turn
     off = (memory.heading - heading + HALF_CIRCLE) % CIRCLE - HALF_CIRCLE
@@ -233,10 +235,11 @@ def follow(memory: VgmMemory, pose: Pose, distance_m: float) -> None:
     if -SHARP < off < SHARP:
         # On a sharp turn the point is kept: the sonars may still see an opening past it.
         hold(memory, memory.sectors.closing)
+    points = memory.loops.count
     closed = loops.drop(memory.loops, x_mm // 10, y_mm // 10, heading)
-    if memory.loops.count >= MARK_AFTER:
+    if memory.loops.count != points or memory.loops.spacing_cm > loops.SPACING_CM:
         memory.dwell = 0
-    elif stay(memory, pose, 1):
+    elif stay(memory, pose, 1 if points >= MARK_AFTER else AT_FIRST):
         return
     found = prove(memory, pose, off)
     if found == proofs.SEPARATED:
@@ -319,7 +322,7 @@ def open_turn(memory: VgmMemory, start: int, heading: int) -> int:
 
 
 def stay(memory: VgmMemory, pose: Pose, choices: int) -> bool:
-    """Count choices at one place; return whether the robot looks around now."""
+    """Count choices near one point of the path; return whether the robot looks around now."""
     memory.dwell += choices
     if memory.dwell <= DWELL:
         return False
@@ -353,6 +356,9 @@ def look_round(memory: VgmMemory, pose: Pose) -> None:
     if memory.dwell == LOOKS:
         memory.dwell = MIDDLE - MAX_DRIVE
         look_around.to_middle(proof, path)
+    elif proof.way_mm > 0:
+        proof.way_mm = 0  # one more round: false echoes may have opened this one
+        look_around.new_round(proof, path)
     else:
         memory.dwell = 0
         memory.following = False

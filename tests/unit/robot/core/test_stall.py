@@ -6,7 +6,7 @@ import pytest
 
 from robot.core import motion as progresses
 from robot.core import reasons
-from robot.core.motion import ProgressMonitor
+from robot.core.motion import SQUARE_M, ProgressMonitor
 from robot.core.parameters import DEFAULTS
 from robot.core.perception import stall as stalls
 from robot.core.perception.odometry import Odometry
@@ -302,14 +302,39 @@ def test_no_progress_ends_the_goal_after_two_minutes() -> None:
     assert verdict(poses, closer) == reasons.OK
 
 
-def test_patient_navigator_ends_only_when_blocked() -> None:
+def test_patient_navigator_ends_when_blocked() -> None:
     progress, here = ProgressMonitor(), Pose(0.0, 0.0, 0.0)
     progresses.restart(progress, here, 0)
-    for k in range(600):
+    for k in range(200):
         there = Pose(k % 7 * 1.0, 0.0, 0.0)
         assert progresses.judge(progress, there, 3.0, k * 1000, DEFAULTS, True) == reasons.OK
-    ends = [progresses.judge(progress, here, 3.0, 1000 * k, DEFAULTS, True) for k in (600, 611)]
+    ends = [progresses.judge(progress, here, 3.0, 1000 * k, DEFAULTS, True) for k in (200, 211)]
     assert ends == [reasons.OK, reasons.BLOCKED]
+
+
+@each(("squares", "least_s"), [(1, 220), (7, 460)])
+def test_patient_navigator_is_lost_where_it_knows_each_place(squares: int, least_s: int) -> None:
+    """The longer the way that it knows, the longer may it take to find a place that is new."""
+    progress = ProgressMonitor()
+    progresses.restart(progress, Pose(0.0, 0.0, 0.0), 0)
+    second, reason = 0, reasons.OK
+    while reason == reasons.OK:
+        second += 1
+        there = Pose(second % squares * SQUARE_M - 1.0, 0.0, 0.6 * second % 3.0)
+        reason = progresses.judge(progress, there, 3.0, second * 1000, DEFAULTS, True)
+    assert reason == reasons.LOST
+    assert second == least_s + squares + 1
+
+
+@each("newer", [Pose(200.0, -90.0, 0.0), Pose(0.0, -3.0, 0.0)])
+def test_new_place_and_shorter_distance_give_time(newer: Pose) -> None:
+    for place, distance_m in ((newer, 3.0), (Pose(0.0, 0.0, 1.0), 2.0)):
+        progress = ProgressMonitor()
+        progresses.restart(progress, Pose(0.0, 0.0, 0.0), 0)
+        for second in range(1, 400):
+            turned = Pose(0.0, 0.0, 0.6 * second % 3.0)
+            now = (place, distance_m) if second == 200 else (turned, 3.0)
+            assert progresses.judge(progress, *now, second * 1000, DEFAULTS, True) == reasons.OK
 
 
 def variances_after(left_turned: float, seconds: float, speed_m_s: float = 0.2) -> Odometry:

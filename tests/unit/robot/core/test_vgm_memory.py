@@ -13,7 +13,7 @@ from robot.core.navigators import loops, vgm_following
 from robot.core.navigators import proof as proofs
 from robot.core.navigators.pace import DITHER_RAD, DITHER_TURNS, SLOW_MM
 from robot.core.navigators.proof import NO_GAP, SPENT, WAITING
-from robot.core.navigators.vgm_following import EASE_MM, ISLANDS, MAX_LOOPS, SHUT, VgmMemory
+from robot.core.navigators.vgm_following import DWELL, EASE_MM, ISLANDS, MAX_LOOPS, VgmMemory
 from robot.core.navigators.vgm_memory import MAX_FAILED_LEAVES, MAX_STILL, rotation_rad
 from robot.core.parameters import DEFAULTS
 from robot.core.perception import sonar_ring as rings
@@ -205,17 +205,21 @@ def test_a_goal_just_before_a_wall_is_driven_to() -> None:
     assert walk_to(states.VGM_MEMORY, GOAL_AHEAD, wall, []).arrived
 
 
-def test_shut_in_robot_turns_and_finally_drops_its_echoes() -> None:
+def test_shut_in_robot_looks_around_and_drops_echoes_that_are_gone() -> None:
     memory = VgmMemory()
     ghosts = ring(dict.fromkeys(range(SONARS), 30))
     for k in range(80):
         step(memory, Pose(0.0, 0.0, wrap(0.1 * k)), ghosts)
     assert memory.following
-    counts = []
-    for _ in range(SHUT + 2):
-        step(memory, HERE, SILENT)
+    counts, k = [], 80
+    while memory.dwell >= 0 and k < 80 + 3 * DWELL:
+        k += 1
+        step(memory, Pose(0.0, 0.0, wrap(0.1 * k)), SILENT)
+    for more in range(70):
+        step(memory, Pose(0.0, 0.0, wrap(0.1 * (k + more))), SILENT)
         counts.append(memory.echoes.count)
     assert 0 in counts
+    assert not memory.given_up
 
 
 @SIDES
@@ -450,7 +454,7 @@ def test_repeated_goal_starts_like_a_new_memory() -> None:
     vgm_following.begin(memory)
     for name in ("following", "given_up", "lost", "reversed", "awaits_proof", "left_m", "hit_m"):
         assert getattr(memory, name) == getattr(fresh, name)
-    for name in ("open_loops", "failed_leaves", "islands", "shut", "ease_mm"):
+    for name in ("open_loops", "failed_leaves", "islands", "dwell", "ease_mm"):
         assert getattr(memory, name) == getattr(fresh, name) == 0
     assert not memory.proof.is_valid
 
