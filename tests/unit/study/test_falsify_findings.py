@@ -103,7 +103,6 @@ WORLDS = Path(study.falsify.__file__).parent / "worlds"
 OPEN, FIXED, PAPER = (sorted((WORLDS / name).glob("*.toml")) for name in ("open", "fixed", "paper"))
 EVERY = [*OPEN, *FIXED, *PAPER]
 SLOW = (
-    "a-nested_rings-lost",
     "b-double_spiral-claim",
     "b-hairpin-claim",
     "b-interlocking_spirals-claim",
