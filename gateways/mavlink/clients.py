@@ -44,7 +44,7 @@ class ClientLink:
         self.name = name
         self.heard_ns = now_ns
         self.received = self.sent = self.lost = 0
-        self.is_mavlink1 = False
+        self.is_mavlink1 = self.is_introduced = False
         self._keeps_mavlink2 = False
         self._stations: set[tuple[int, int]] = set()
         self.signing = Counters()
@@ -171,6 +171,17 @@ class GatewayClient(NamedTuple):
         """Whether the line loses frames; gaps in a sequence on a reliable one are the client's."""
         return self.link.is_lossy and not self.endpoint.is_reliable
 
+    def is_newcomer(self, frame: MavFrame) -> bool:
+        """Return whether a frame comes by TCP before the first HEARTBEAT, and is no emergency stop.
+
+        A program that was never meant to talk to a robot, such as a browser that a web page makes
+        send bytes of its choice, thus commands nothing by accident.
+        """
+        if frame.number == mavlink.MAVLINK_MSG_ID_HEARTBEAT:
+            self.link.is_introduced = True
+        is_known = self.link.is_introduced or not self.endpoint.is_reliable
+        return not (is_known or is_emergency_stop(frame))
+
 
 Key = tuple[Endpoint, str]
 
@@ -182,8 +193,7 @@ class Clients:
     has been silent the longest, but never that of one for which `is_owner` returns True. A peer
     without a place is a guest. A TCP connection that does not begin with a frame is closed, and a
     stranger by UDP gets no place by a datagram that does not: a web page can have bytes of its
-    choice inside of what a browser sends by itself, such as STUN, but not at the beginning. No
-    HEARTBEAT is needed: MavKit and the Methodic Configurator send none.
+    choice inside of what a browser sends by itself, such as STUN, but not at the beginning.
     """
 
     def __init__(

@@ -14,7 +14,7 @@ from gateways.mavlink.bus_port import BusPort
 from gateways.mavlink.clients import ClientLink, Clients, GatewayClient
 from gateways.mavlink.endpoints import Arrival, Endpoint
 from gateways.mavlink.framing import MavFrame, is_emergency_stop
-from gateways.mavlink.mav_service import WATCHER, Sender
+from gateways.mavlink.mav_service import NEWCOMER, WATCHER, Sender
 from gateways.mavlink.mav_vehicle import Face, Work
 from gateways.mavlink.mavlink_dialect import MavMessage, mavlink
 from gateways.mavlink.operator_control import Owner
@@ -305,6 +305,8 @@ class Gateway:
     def _process(self, now_ns: int) -> None:
         """Process the frames that have arrived; of old ones only emergency stops."""
         for client, frame in self.clients.frames(now_ns, is_limited=not self._is_old):
+            if self._is_old:
+                client.is_newcomer(frame)  # notes a HEARTBEAT
             if not self._is_old or is_emergency_stop(frame):
                 self._dispatch(client, frame, now_ns)
 
@@ -321,6 +323,8 @@ class Gateway:
             return
         self._pace.note(frame.number, now_ns)
         barred = WATCHER if rights is Rights.WATCH else ""
+        if client.is_newcomer(frame):
+            barred = barred or NEWCOMER
         is_signed, doubt = verdict is SignatureVerdict.VALID, DOUBTS.get(verdict, "")
         ids = link.number, frame.system, frame.component
         sender = Sender(*ids, barred, is_signed, loopback, doubt, link.is_mavlink1)

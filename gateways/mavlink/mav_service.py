@@ -16,13 +16,14 @@ MAVLINK_1_LAST: Final = 255
 """The last id of a message that MAVLink 1 can carry."""
 EVERYONE: Final = None
 WATCHER: Final = "signing: this endpoint takes commands only from clients that sign"
+NEWCOMER: Final = "by TCP a client has to send a HEARTBEAT before its first command"
 
 
 class Sender(NamedTuple):
     """The origin of a message.
 
     `client` numbers the peers of all endpoints, and is never reused. `barred` is the reason why
-    this message may command nothing, such as `WATCHER`; empty if it may. `doubt` is
+    this message may command nothing, such as `WATCHER` or `NEWCOMER`; empty if it may. `doubt` is
     what is wrong with the time stamp of its signature: then it is an emergency stop. `is_mavlink1`:
     it gets no messages with an id above MAVLINK_1_LAST.
     """

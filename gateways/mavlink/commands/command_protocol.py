@@ -24,7 +24,7 @@ from struct import Struct
 from types import MappingProxyType
 from typing import Final, NamedTuple
 
-from gateways.mavlink.mav_service import WATCHER, MavService, Sender
+from gateways.mavlink.mav_service import NEWCOMER, WATCHER, MavService, Sender
 from gateways.mavlink.mav_vehicle import MavVehicle
 from gateways.mavlink.mavlink_dialect import RESULT_NOT_IN_CONTROL, MavMessage, mavlink
 from gateways.mavlink.motion.setpoints import GLOBAL_FRAMES
@@ -201,7 +201,7 @@ def result_of(answered: Answered) -> int:
         return int(ACCEPTED)
     if answered.error in (NO_TELEMETRY, KEEPS_FENCE, OVERTAKEN):
         return int(LATER)
-    if answered.error == WATCHER or isinstance(answered.outcome, ParameterChanged):
+    if answered.error in (WATCHER, NEWCOMER) or isinstance(answered.outcome, ParameterChanged):
         return int(DENIED)
     reason = reason_of(answered.outcome)
     return int(FAILED if reason is None else RESULTS[reason])

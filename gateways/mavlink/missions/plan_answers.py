@@ -3,7 +3,7 @@
 from types import MappingProxyType
 from typing import Final, NamedTuple
 
-from gateways.mavlink.mav_service import WATCHER, Sender
+from gateways.mavlink.mav_service import NEWCOMER, WATCHER, Sender
 from gateways.mavlink.mav_vehicle import MavVehicle
 from gateways.mavlink.mavlink_dialect import MissionAck, mavlink
 from gateways.mavlink.robot_port import Answered
@@ -71,7 +71,7 @@ def refusal_of(answered: Answered, name: str, home_items: int) -> Refusal:
     outcome = answered.outcome
     number = getattr(outcome, "reason", None)
     if not isinstance(number, int):
-        is_watcher = answered.error == WATCHER
+        is_watcher = answered.error in (WATCHER, NEWCOMER)
         return Refusal(DENIED if is_watcher else ERROR, f"{name}: {answered.text}")
     item = outcome.item if isinstance(outcome, TransferOutcome) else None
     if number == Reason.MISSION_TOO_LONG and item is not None:

@@ -161,7 +161,7 @@ def test_study_of_a_user_is_judged_by_nobody_elses_figures(tmp_path: Path) -> No
 def test_ctrl_c_prints_how_to_continue(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def stopped(*_: object) -> None:
+    def stopped(*_: object, **_named: object) -> None:
         raise KeyboardInterrupt
 
     monkeypatch.setattr(study_run, "run_tasks", stopped)
@@ -175,7 +175,7 @@ def test_failed_trial_is_exit_code_1(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
 
-    monkeypatch.setattr(study_run, "run_tasks", lambda *_: write_shard(tmp_path, rows(1)))
+    monkeypatch.setattr(study_run, "run_tasks", lambda *_, **_named: write_shard(tmp_path, rows(1)))
     assert study(tmp_path) == 1
     assert "1 failed" in capsys.readouterr().out
 

@@ -264,14 +264,20 @@ def test_client_that_vanishes_ends_the_heartbeat_and_leaves_control(whole: Whole
     assert [name for _, name in whole.port.leases] == ["MAVLink 255", "MAVLink 254"]
 
 
-def test_by_tcp_a_client_without_heartbeats_commands(whole: WholeGateway) -> None:
-    """MavKit and the Methodic Configurator send none."""
+def test_by_tcp_nothing_but_a_stop_is_taken_before_a_heartbeat(whole: WholeGateway) -> None:
     whole.endpoint.is_reliable = True
-    sent(whole, ARM, "a")
+    upload = mavlink.MAVLink_mission_count_message(1, 1, 2, 0)
+    for message in (ARM, CLEAR, command(192, -1, 1, 0, 0, 10, 20), upload, ITEMS[0]):
+        sent(whole, message, "web")
+    assert whole.port.performed == []
+    assert whole.port.leases == []
+    assert {result for _, result in results(whole, "web")} == {DENIED}
+    assert "HEARTBEAT" in words(whole.sent_to("web", "STATUSTEXT"))
+    sent(whole, STOP, "web")
+    assert len(whole.port.stops) == 1
+    sent(whole, HEARTBEAT, "web")
+    sent(whole, ARM, "web")
     assert isinstance(whole.port.performed[-1], Arm)
-    whole.port.answer()
-    whole.run(0.1)
-    assert results(whole, "a") == [(400, 0)]
 
 
 def test_what_was_sent_while_the_process_was_stopped_is_dropped(whole: WholeGateway) -> None:
