@@ -5,6 +5,7 @@ import gc
 import inspect
 import os
 import signal
+import threading
 from collections import Counter
 from collections.abc import Generator, Iterator, Sequence
 from contextlib import suppress
@@ -13,6 +14,14 @@ from pathlib import Path
 
 import pytest
 from hypothesis import settings
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_teardown() -> None:
+    """Wait, before the output is closed, for the thread that says that no robot is there."""
+    for thread in threading.enumerate():
+        if thread.name == "note absence":
+            thread.join(60.0)
 
 
 @pytest.fixture(scope="session", autouse=True)

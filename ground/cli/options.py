@@ -24,7 +24,7 @@ def common_of(options: argparse.Namespace | Reach, output: Output | None = None)
     if output is not None:
         if found.source:
             output.note(found.source)
-        Thread(target=note_absence, args=(found, output), daemon=True).start()
+        Thread(target=note_absence, args=(found, output), name="note absence", daemon=True).start()
     return found
 
 
