@@ -16,9 +16,9 @@ import pytest
 from hypothesis import settings
 
 
-@pytest.hookimpl(tryfirst=True)
-def pytest_runtest_teardown() -> None:
-    """Wait, before the output is closed, for the thread that says that no robot is there."""
+@pytest.hookimpl(trylast=True)
+def pytest_runtest_call() -> None:
+    """Wait, while the output of a test is open, for the thread that says that no robot is there."""
     for thread in threading.enumerate():
         if thread.name == "note absence":
             thread.join(60.0)

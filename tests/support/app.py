@@ -46,7 +46,13 @@ from ground.station.history.event_log import EventLog
 from ground.station.history.goal_progress import GoalProgress
 from ground.station.link.loss import Loss
 from ground.station.link.streams import StreamRow
-from ground.station.robot.command_queue import CommandQueue, Ended, JobResult, QueuedCommand
+from ground.station.robot.command_queue import (
+    CommandQueue,
+    Ended,
+    JobResult,
+    QueuedCommand,
+    Witness,
+)
 from ground.station.robot.lease_state import LeaseView
 from ground.station.robot.robot_stop import StopRecord
 from ground.station.station import Station
@@ -257,7 +263,12 @@ class FakeCommandQueue(CommandQueue):
         return "" if self._station.ready or not moves else "no message from the robot for 2.0 s"
 
     def submit(
-        self, words: str, command: QueuedCommand | LeaseAction, *, moves: bool = True
+        self,
+        words: str,
+        command: QueuedCommand | LeaseAction,
+        *,
+        moves: bool = True,
+        witness: Witness | None = None,
     ) -> bool:
         assert not isinstance(command, LeaseAction)
         self._station.asked.append(words)

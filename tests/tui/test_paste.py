@@ -348,7 +348,7 @@ async def test_digit_and_letter_in_the_filter_of_a_dialog_are_text() -> None:
     async with staged() as stage:
         await send(stage, "v/1")
         assert isinstance(stage.app.screen, ChoiceScreen)
-        assert "1 of 6" in stage.words("choices")
+        assert "1 of 7" in stage.words("choices")
         await send(stage, "\x1b")
         assert isinstance(stage.app.screen, ChoiceScreen)
 

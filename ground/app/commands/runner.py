@@ -28,7 +28,7 @@ from ground.map.scene import MapTarget
 from ground.missions.files import Draft
 from ground.missions.mission import Mission
 from ground.robot import Robot
-from ground.station.robot.command_queue import REPLAYED, Ended, JobResult, QueuedCommand
+from ground.station.robot.command_queue import REPLAYED, Ended, JobResult
 from ground.station.robot.mission_items import targets_of
 from ground.station.station import Station
 from protocol.topics import COMMAND
@@ -98,15 +98,11 @@ class CommandRunner:
             case AppCommand():
                 self._locally(command)
             case _:
-                told = self._told(command, line)
-                self._station.queue.submit(line, told, moves=command.moves)
-
-    def _told(self, command: OperatorCommand, line: str) -> QueuedCommand:
-        """Return a command so that the event loop may perform it, and `undo` take it back."""
-        if isinstance(command, UNDONE):
-            return Undoable(command, line, self._undo_list, self._station)
-        on_loop: Any = command
-        return OnFiles(command) if command.is_offline else on_loop
+                told: Any = OnFiles(command) if command.is_offline else command
+                is_undone = isinstance(command, UNDONE)
+                changes, station = self._undo_list, self._station
+                witness = Undoable(command, line, changes, station) if is_undone else None
+                station.queue.submit(line, told, moves=command.moves, witness=witness)
 
     def begin_world(self, *, keeps_draft: bool) -> None:
         """Remove the changes of robots that have ended; also the draft, unless it is kept."""

@@ -172,26 +172,28 @@ async def inverse_of(
     return None
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Undoable:
-    """A command that `undo` takes back; it notes how."""
+    """The witness of a command that `undo` takes back; `back` is how."""
 
-    command: Any
+    command: OperatorCommand
     line: str
     changes: UndoList
     station: Station
+    back: Back | None = None
 
-    async def perform(self, robot: Robot) -> Outcome:
-        """Carry it out on the robot that was shown when it was given."""
+    async def before(self, robot: Robot) -> None:
+        """Note how to take it back, on the robot that was shown when it was given."""
         is_shown = self.station.robot == robot.name
-        parameters = self.station.parameters or () if is_shown else ()
         if isinstance(self.command, Goto):
-            back = self.changes.goal_before(self.station) if is_shown else None
+            self.back = self.changes.goal_before(self.station) if is_shown else None
         else:
-            back = await inverse_of(self.command, parameters, robot)
-        outcome: Outcome = await self.command.perform(robot)
-        self.changes.note(robot.name, self.line, self.command, outcome, back)
-        return outcome
+            parameters = self.station.parameters or () if is_shown else ()
+            self.back = await inverse_of(self.command, parameters, robot)
+
+    def after(self, robot: Robot, outcome: Outcome) -> None:
+        """Append the change, if it was made."""
+        self.changes.note(robot.name, self.line, self.command, outcome, self.back)
 
 
 @dataclass(frozen=True, slots=True)

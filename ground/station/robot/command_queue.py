@@ -65,6 +65,16 @@ class QueuedCommand(Protocol):
         ...
 
 
+class Witness(Protocol):
+    """Sees the state before a command and its outcome, such as for `undo`."""
+
+    async def before(self, robot: Robot, /) -> None:
+        """Look when its turn has come."""
+
+    def after(self, robot: Robot, outcome: Any, /) -> None:
+        """Note what it has done."""
+
+
 @dataclass(slots=True, eq=False)
 class Given:
     """A command or a change of the lease, until its end is known."""
@@ -73,6 +83,7 @@ class Given:
     session: RobotSession
     command: QueuedCommand | LeaseAction
     moves: bool = False
+    witness: Witness | None = None
     is_sent: bool = False
     asks_lease: bool = False
     """The lease that it needs has been asked for."""
@@ -119,7 +130,12 @@ class CommandQueue:
         return session.refusal() if moves else ""
 
     def submit(
-        self, words: str, command: QueuedCommand | LeaseAction, *, moves: bool = True
+        self,
+        words: str,
+        command: QueuedCommand | LeaseAction,
+        *,
+        moves: bool = True,
+        witness: Witness | None = None,
     ) -> bool:
         """Perform a command, or change the lease, in turn; return False with a note if rejected.
 
@@ -132,7 +148,7 @@ class CommandQueue:
         if why or session is None:
             self._note(f"refused: {words}: {why}", Severity.WARNING)
             return False
-        given = Given(words, session, command, moves)
+        given = Given(words, session, command, moves, witness)
         if pending is None:
             self._pending = given
             self._begin(self._carry_out(given))
@@ -183,7 +199,12 @@ class CommandQueue:
                 await self._change_lease(given, given.command)
             elif not given.moves or await self._is_in_command(given):
                 given.is_sent = True
-                ended = await given.command.perform(given.session.robot)
+                robot, witness = given.session.robot, given.witness
+                if witness is not None:
+                    await witness.before(robot)
+                ended = await given.command.perform(robot)
+                if witness is not None:
+                    witness.after(robot, ended)
                 refused = ended if isinstance(ended, Refused) else None
                 text = refused.in_words(self.hints) if refused else ended.text
                 self._end(given, ended.ok, text)

@@ -118,7 +118,7 @@ def test_bag_becomes_a_world_to_drive_in(
 ) -> None:
     path = made_bag(tmp_path / "my_drive", drive())
     assert main(["import", str(path), "--cell", "0.1", "--out", str(tmp_path / "out")]) == 0
-    assert "1 worlds in" in capsys.readouterr().out
+    assert "1 world in" in capsys.readouterr().out
     world = load(str(tmp_path / "out" / "my_drive_1_000.toml"))
     assert world.shortest_path_m is not None
     assert isfinite(world.shortest_path_m)

@@ -182,7 +182,7 @@ def test_unreadable_fence_outlasts_stops_and_disarming(tmp_path: Path, command: 
     if command == CLEAR:
         desk.command(Command.DO_FLIGHTTERMINATION)
         assert shown(desk) == (Vehicle.EMERGENCY_STOP, Reason.BY_OPERATOR)
-    assert desk.command(command, 0) == Reason.NONE
+    assert desk.command(command, 0) in (Reason.NONE, Reason.NOTHING_CHANGED)
     assert shown(desk) == (Vehicle.STANDBY, Reason.FENCE_UNREADABLE)
     assert desk.arm() == Reason.FENCE_UNREADABLE
 
