@@ -138,6 +138,7 @@ def rest_phases(extra: Sequence[str]) -> list[Phase]:
             [
                 GateStep("images", (*PYTHON, "tests.support.images"), 20),
                 GateStep("MAVLink clients", (*PYTHON, "tests.interop.environments", *extra), 8),
+                GateStep("firmware", (*PYTHON, "checks.built", "firmware"), 25),
                 GateStep("documentation", (*PYTHON, "checks.site"), 15),
                 GateStep("mutation of the stop", mutation, 8),
             ],

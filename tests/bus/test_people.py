@@ -226,7 +226,7 @@ def test_poses_are_logged_to_parquet(
 ) -> None:
     path = tmp_path / "run.parquet"
     monkeypatch.setattr(log_to_parquet, "ROWS", 2)
-    assert log_to_parquet.main([str(path), "--for", "1", *dials(hurried, monkeypatch)]) == 0
+    assert log_to_parquet.main([str(path), "--for", "3", *dials(hurried, monkeypatch)]) == 0
     table = pyarrow.parquet.read_table(path)
     assert table.column_names == list(log_to_parquet.COLUMNS)
     stamps = table["time_ns"].to_pylist()

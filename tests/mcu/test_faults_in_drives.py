@@ -127,7 +127,9 @@ def stops_in_time(messages: list[Message]) -> None:
 def await_driving(up: Running) -> None:
     """Wait until a second of the drive is over; a busy machine prints no line in the first one."""
     until(
-        lambda: re.search(r"driving .* [1-9]\d* s\b", up.said) or up.process.poll() is not None,
+        lambda: (
+            re.search(r"driving\b.* [1-9]\d* seconds?\b", up.said) or up.process.poll() is not None
+        ),
         within_s=SOON_S,
         what=lambda: up.said,
     )
