@@ -3,7 +3,8 @@
 A long table has a row per value. A wide one has a row per instant of a fixed grid: a column holds
 the last value that arrived, and is empty when that value is older than its topic's stale-after
 time. An event is in one row only, the next one after its arrival. Where stamps jump, as after a
-restart of the plant, another grid begins. A number is the shortest text of its exact value.
+restart of the plant, another grid begins. A range without an echo is empty. A number is the
+shortest text of its exact value.
 
 All messages are on one time axis: seconds of the robot's stamps. A message without a stamp gets the
 newest stamp before it. Stamps of operators belong to another clock and are ignored.
@@ -36,22 +37,28 @@ from runtime.units import NS_PER_MS, NS_PER_S
 
 
 class FieldValue(NamedTuple):
-    """One value; `kind` is text, integer, unsigned (64 bits) or float."""
+    """One value; `kind` is text, integer, unsigned (64 bits) or float; None means nothing."""
 
     name: str
     kind: str
-    text: str
+    text: str | None
 
 
 def fields_of(message: Message) -> Iterator[FieldValue]:
-    """Yield the fields of a message; each element of an array is a field."""
+    """Yield the fields of a message; each element of an array is a field.
+
+    The dialect gives a range a meaning only where there was an echo: without one it is None.
+    """
+    silent = ~message.echo if isinstance(message, SonarScan) else 0
     for item in LAYOUT[type(message).__name__].fields:
         value, kind = getattr(message, item.name), kind_of(item)
         if item.is_text or not item.length:
             yield FieldValue(item.name, kind, text_of(item, value))
         else:
             for index, element in enumerate(value):
-                yield FieldValue(f"{item.name}[{index}]", kind, text_of(item, element))
+                is_none = item.name == "range_mm" and silent >> index & 1
+                text = None if is_none else text_of(item, element)
+                yield FieldValue(f"{item.name}[{index}]", kind, text)
 
 
 def kind_of(field: Field) -> str:
@@ -203,7 +210,7 @@ class _Newest(NamedTuple):
 
     came_s: float
     until_s: float
-    cells: dict[int, str]
+    cells: dict[int, str | None]
 
 
 def wide_rows(

@@ -4,7 +4,7 @@ import io
 import re
 import tempfile
 from collections.abc import Sequence
-from math import inf, isnan, nan
+from math import inf, nan
 from pathlib import Path
 from struct import pack
 
@@ -26,7 +26,7 @@ from ground.recording.tables import (
 )
 from protocol.topics import COMMANDED, CYCLE, HEARTBEAT, ODOMETRY, TELEOP, TEXT, WHEELS
 from protocol.wire.enums import Severity
-from protocol.wire.messages import CycleReport, Statustext, Teleop
+from protocol.wire.messages import CycleReport, SonarScan, Statustext, Teleop
 from runtime.errors import UserError
 from runtime.files import replace_named
 from tests.support.ground.made_recordings import (
@@ -134,10 +134,18 @@ def test_csv_quotes_special_characters(path: Path) -> None:
     assert '"a,""b""\nc"' in target.getvalue()
 
 
+def test_range_without_an_echo_is_empty() -> None:
+    scan = make(SonarScan, range_mm=(0, 803, *(0,) * 6), valid=0b11, echo=0b10)
+    cells = [cell.text for cell in fields_of(scan) if cell.name.startswith("range_mm")]
+    assert cells == [None, "803", *[None] * 6]
+    target = io.StringIO()
+    write_csv(target, LONG, [["1.0", "1.0", "sense/sonar", "SONAR_SCAN", "range_mm[0]", cells[0]]])
+    assert target.getvalue().endswith("range_mm[0],\n")
+
+
 def test_missing_is_nan_and_no_echo_is_inf() -> None:
     cells = {cell.name: cell.text for cell in fields_of(decision(0, (nan, inf)))}
-    assert isnan(float(cells["virtual_x_m"]))
-    assert float(cells["virtual_y_m"]) == inf
+    assert (cells["virtual_x_m"], cells["virtual_y_m"]) == ("nan", "inf")
     assert cells["zone_m"] == "0.3"
 
 
