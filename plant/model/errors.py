@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+from runtime.errors import UserError
 from runtime.files import UnusableFileError, bytes_in, decoded
 from runtime.toml_reader import Key
 
@@ -25,10 +26,8 @@ class WorldProblem(NamedTuple):
         return f"{place}: {self.key}: {self.reason}; fix: {self.fix}"
 
 
-class WorldError(Exception):
+class WorldError(UserError):
     """A world cannot be used; the text has one line per problem, in the order of the file."""
-
-    exit_code = 2
 
     def __init__(self, problems: Sequence[WorldProblem]) -> None:
         self.problems = tuple(sorted(problems, key=lambda problem: problem.line or 0))

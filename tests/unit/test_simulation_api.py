@@ -136,6 +136,14 @@ def test_errors_speak_python(call: Callable[[], object], said: str) -> None:
     assert "--" not in str(error.value)
 
 
+def test_bad_world_file_is_an_error_of_the_user(tmp_path: Path) -> None:
+    bad = tmp_path / "bad.toml"
+    bad.write_text("size_m = 3\n", encoding="utf-8")
+    for call in (sidestep.trial, sidestep.worlds.load, sidestep.study):
+        with pytest.raises(sidestep.UserError, match=r"bad\.toml:1: size_m: .*fix: "):
+            call(bad)
+
+
 def test_notebook_shows_results_as_maps_and_tables() -> None:
     run = sidestep.trial("box", noise="none", goal=(1.4, 2.0))
     assert "<svg" in sidestep.worlds["box"]._repr_svg_()
