@@ -11,7 +11,8 @@ import inspect
 import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import lru_cache
 from hashlib import sha256
 from itertools import count
@@ -38,6 +39,9 @@ JUDGES: Final = "JUDGES_PROGRESS"
 
 STEP_LIMIT_NS: Final = 1_000_000_000
 """Processor time after which a step is taken for one that does not end."""
+
+LOAD_LIMIT_NS: Final = 10_000_000_000
+"""The same for a file that is loaded: what it imports may take seconds."""
 
 LOOK_S: Final = 0.1
 FIRST_IN_SIMULATION: Final = 2000
@@ -69,11 +73,15 @@ class FailedDecision(Decision):
 
 
 class OverTimeError(BaseException):
-    """Raised in a step that does not end; no `except Exception` of it catches this."""
+    """Raised in code that does not end; no `except Exception` of it catches this."""
+
+
+FAULTS: Final = (Exception, SystemExit)
+"""What code of the user's may raise: `sys.exit()` in it must not end the robot or the study."""
 
 
 class Watch:
-    """Interrupts steps that take more than STEP_LIMIT_NS of their thread's processor time.
+    """Interrupts what takes more than its limit of its thread's processor time.
 
     Time for which a thread waits for a processor does not count, so that no verdict depends on the
     load of the machine.
@@ -82,31 +90,42 @@ class Watch:
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._steps: dict[int, int] = {}
-        """Begin of the step under way by thread, on the thread's processor clock (ns)."""
+        """End of the time of the step under way, on the processor clock of its thread (ns)."""
 
         self._thread: threading.Thread | None = None
 
-    def begin(self) -> None:
-        """Watch the step that this thread begins."""
+    def begin(self, limit_ns: int) -> int:
+        """Watch the step that this thread begins; return the processor time in ns."""
         with self._lock:
-            self._steps[threading.get_ident()] = time.thread_time_ns()
+            now_ns = time.thread_time_ns()
+            self._steps[threading.get_ident()] = now_ns + limit_ns
             if self._thread is None:
                 self._thread = threading.Thread(target=self._look, name="steps", daemon=True)
                 self._thread.start()
+            return now_ns
 
     def end(self) -> int:
-        """End it, so that it is not interrupted any more; return its processor time in ns."""
+        """End it, so that it is not interrupted any more; return the processor time in ns."""
         with self._lock:
-            now_ns = time.thread_time_ns()
-            return now_ns - self._steps.pop(threading.get_ident(), now_ns)
+            self._steps.pop(threading.get_ident(), None)
+            return time.thread_time_ns()
+
+    @contextmanager
+    def loading(self) -> Iterator[None]:
+        """Watch what is run when a file is loaded."""
+        try:
+            self.begin(LOAD_LIMIT_NS)
+            yield
+        finally:
+            self.end()
 
     def _look(self) -> None:
         never = threading.Event()
         while not never.wait(LOOK_S):
             with self._lock:  # a thread that is in a step cannot end
-                for thread, begun_ns in self._steps.items():
+                for thread, end_ns in self._steps.items():
                     clock = time.pthread_getcpuclockid(thread)
-                    if time.clock_gettime_ns(clock) - begun_ns > STEP_LIMIT_NS:
+                    if time.clock_gettime_ns(clock) > end_ns:
                         ctypes.pythonapi.PyThreadState_SetAsyncExc(
                             ctypes.c_ulong(thread), ctypes.py_object(OverTimeError)
                         )
@@ -140,7 +159,7 @@ class OwnNavigator:
         """Return an empty memory; one that cannot be made fails at the first step."""
         try:
             return self._memory()
-        except Exception as error:
+        except FAULTS as error:
             broken = Memory()
             broken.fault = self._words(error)
             return broken
@@ -150,18 +169,19 @@ class OwnNavigator:
         if isinstance(memory, Memory) and memory.fault:
             return failed(memory.fault)
         try:
+            begun_ns = 0
             try:
-                WATCH.begin()
+                begun_ns = WATCH.begin(STEP_LIMIT_NS)
                 decision = self._step(memory, pose, ring, goal, params)
             finally:
-                self.cost_ns = WATCH.end()
+                self.cost_ns = WATCH.end() - begun_ns
         except OverTimeError as error:
             limit_s = STEP_LIMIT_NS / 1e9
             return failed(
                 f"{self._where(error)}: the step has not ended after {limit_s:g} s of processor"
                 " time: it is called 20 times a second, so let no loop wait for a change"
             )
-        except Exception as error:
+        except FAULTS as error:
             return failed(self._words(error))
         fault = fault_of(decision)
         if fault:
@@ -280,7 +300,8 @@ def imported(source: OwnSource) -> tuple[ModuleType, str]:
     try:
         if not source.is_file:
             known = sys.modules.get(source.place)
-            module = importlib.reload(known) if known else importlib.import_module(source.place)
+            with WATCH.loading():
+                module = importlib.reload(known) if known else importlib.import_module(source.place)
             return module, module.__file__ or source.place
         name = f"own_{source.name}_{sha256(source.place.encode()).hexdigest()[:8]}"
         spec = importlib.util.spec_from_file_location(name, source.place)
@@ -288,8 +309,9 @@ def imported(source: OwnSource) -> tuple[ModuleType, str]:
         assert spec.loader is not None
         module = importlib.util.module_from_spec(spec)
         sys.modules[name] = module  # as for an import: dataclasses look it up
-        spec.loader.exec_module(module)
-    except (Exception, SystemExit) as error:
+        with WATCH.loading():
+            spec.loader.exec_module(module)
+    except (*FAULTS, OverTimeError) as error:
         raise UserError(refusal(source, error)) from None
     return module, source.place
 
@@ -306,10 +328,16 @@ def refusal(source: OwnSource, error: BaseException) -> str:
     last = (text.strip().splitlines() or [type(error).__name__])[-1]
     if isinstance(error, SyntaxError):
         line = f": `{error.text.strip()}`" if error.text else ""
-        return f"{error.filename or source.place}, line {error.lineno}: {last}{line}"
+        where = f", line {error.lineno}" if error.lineno else ""
+        return f"{error.filename or source.place}{where}: {last}{line}"
     frames = [(frame.f_code.co_filename, line) for frame, line in walk_tb(error.__traceback__)]
     own = [(file, line) for file, line in frames if not is_ours(file)]
     file, number = own[-1] if own else (source.place, 1)
+    if isinstance(error, OverTimeError):
+        last = (
+            f"has not been loaded after {LOAD_LIMIT_NS / 1e9:g} s of processor time: let no loop"
+            " outside of functions wait for a change"
+        )
     return f"{file}, line {number}: {last}"
 
 
@@ -342,7 +370,7 @@ def memory_of(module: ModuleType, file: str) -> Callable[[], Any]:
     factory = getattr(module, "Memory", Memory)
     try:
         factory().side = states.LEFT
-    except Exception as error:
+    except FAULTS as error:
         raise UserError(
             f"{file}: class Memory: {type(error).__name__}: {error}: it must be made without"
             " arguments, and have an attribute `side`"

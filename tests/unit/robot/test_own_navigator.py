@@ -76,6 +76,7 @@ def test_two_versions_of_a_navigator_do_not_mix() -> None:
         ("x = 1\nx.y\n", "mine.py, line 2: AttributeError: 'int' object has no attribute 'y'"),
         ("import nunpy\n", "mine.py, line 1: ModuleNotFoundError"),
         ("import sys\nsys.exit(3)\n", "mine.py, line 2: SystemExit: 3"),
+        ("\0\1\2", "mine.py: SyntaxError: source code string cannot contain null bytes"),
         ("def turn(): ...\n", "has no function 'step': write `def step(memory, pose, ring, goal, "),
         ("def turn(): ...\n", "or name one of turn"),
         ("\ndef step(pose): ...\n", "mine.py, line 2: step(pose) does not take (memory, pose,"),
@@ -110,6 +111,7 @@ def test_reference_that_leads_nowhere_is_refused(reference: str, said: str) -> N
     [
         ("    return 1 / 0\n", "mine.py, line 3, step: ZeroDivisionError: division by zero"),
         ("    return goal.x\n", "line 3, step: AttributeError: 'Goal' object has no attribute 'x'"),
+        ("    import sys\n    sys.exit(3)\n", "mine.py, line 4, step: SystemExit: 3"),
         ("    pass\n", "mine.py, line 2, step: returned nothing: return a Decision"),
         ("    return 5\n", "returned a value of type int"),
         (AHEAD.replace("goal)\n", "goal, float('nan'))\n"), "speed_limit_m_s = nan: must be a num"),
@@ -140,6 +142,13 @@ def test_step_that_does_not_end_is_interrupted(monkeypatch: pytest.MonkeyPatch) 
     run = driven(written(STEP + body))
     assert "the step has not ended after 0.05 s of processor time" in run.reason
     assert driven(written(STEP + AHEAD)).outcome == "reached"
+
+
+def test_file_that_does_not_end_is_interrupted(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(own_navigator, "LOAD_LIMIT_NS", 50_000_000)
+    with pytest.raises(UserError, match=r"mine\.py, line 2: has not been loaded after 0\.05 s"):
+        load(written("x = 1\nwhile True: pass\n"))
+    own_navigator.load(written(STEP + AHEAD))
 
 
 def test_robot_stops_and_tells_the_fault_of_its_navigator() -> None:
