@@ -180,6 +180,11 @@ async def connect(
 
     Raises UserError for an invalid value, UnansweredError if no process listens at the endpoint.
     """
+    for what, text in {"endpoint": endpoint, "robot": robot, "name": name}.items():
+        if not isinstance(text, str | None):
+            raise UserError(f"{what} = {text!r}: give a text")
+    if not isinstance(config, str | Path | None):
+        raise UserError(f"config = {config!r}: give the path of a file")
     where, operator = common(endpoint, robot, config, remedies=PYTHON), operator_name(name)
     async with AsyncExitStack() as stack:
         link_opened = open_link(where)

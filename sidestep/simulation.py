@@ -6,9 +6,11 @@ No robot, no bus and no other process is needed. Equal calls give equal results,
 import os
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace
 from html import escape
 from math import isfinite, radians
+from numbers import Real
 from pathlib import Path
 from statistics import median
 from time import monotonic
@@ -111,9 +113,10 @@ class Worlds(Mapping[str, World]):
 
     def load(self, path: str | os.PathLike[str]) -> World:
         """Read a world file; raise ValueError with line, key and remedy for a bad one."""
-        if not Path(path).is_file():
-            raise UserError(f"{os.fspath(path)}: there is no such world file")
-        return shown(load(Path(path)))
+        file = Path(text_of("path", path, "the path of a world file"))
+        if not file.is_file():
+            raise UserError(f"{file}: there is no such world file")
+        return shown(load(file))
 
     def table(self) -> Table:
         """Return a row for each shipped world."""
@@ -149,13 +152,26 @@ def world_of(given: WorldLike) -> World:
     """Return a world by its name or path."""
     if isinstance(given, protocol.world.World):
         return shown(given)
-    if isinstance(given, str) and given in worlds:
-        return worlds[given]
-    if isinstance(given, str) and not given.endswith(".toml") and not Path(given).exists():
+    text = text_of("world", given, WORLD_KINDS)
+    if isinstance(given, str) and text in worlds:
+        return worlds[text]
+    if not text or not (text.endswith(".toml") or Path(text).exists()):
         raise UserError(
-            f"{unknown('world', given, worlds)}; a world file is given by its path, ending in .toml"
+            f"{unknown('world', text, worlds)}; a world file is given by its path, ending in .toml"
         )
     return worlds.load(given)
+
+
+WORLD_KINDS: Final = "the name of a world, the path of a world file, or a world"
+NAVIGATOR_KINDS: Final = "the name of a navigator, a file such as 'my_nav.py', or a function"
+
+
+def text_of(what: str, given: object, kinds: str) -> str:
+    """Return a name or a path as text; UserError for anything else."""
+    text = os.fspath(given) if isinstance(given, os.PathLike) else given
+    if not isinstance(text, str):
+        raise UserError(f"{what} = {given!r}: give {kinds}")
+    return text
 
 
 def map_of(world: protocol.world.World) -> WorldMap:
@@ -169,9 +185,13 @@ def reference_of(given: NavigatorLike) -> str:
     """Return the name of a navigator, or a reference to one of the user's own."""
     if callable(given):
         return defined(given)
-    text = os.fspath(given)
+    text = text_of("navigator", given, NAVIGATOR_KINDS)
     if text in ALL_NAVIGATORS:
         return text
+    name, _, side = text.partition(":")
+    if name in ALL_NAVIGATORS:
+        chosen("side", side, SIDES)
+        raise UserError(f"navigator = {text!r}: give {name!r} and side={side!r}")
     if is_own(text):
         return str(own_source(text))
     raise UserError(f"{unknown('navigator', text, ALL_NAVIGATORS)}; or a file such as 'my_nav.py'")
@@ -179,7 +199,7 @@ def reference_of(given: NavigatorLike) -> str:
 
 def chosen(what: str, given: str, known: Iterable[str]) -> str:
     """Return a word that must be one of these; UserError if it is not."""
-    if given not in known:
+    if not isinstance(given, str) or given not in known:
         raise UserError(unknown(what, str(given), known))
     return given
 
@@ -310,7 +330,7 @@ def trial(
         seed=whole("seed", seed, 0),
         noise=None if noise is None else chosen("noise level", noise, LEVELS),
         timeout_s=above_zero("timeout_s", timeout_s),
-        parameters=dict(parameters or {}),
+        parameters=values_of(parameters),
         calibrated=calibrated,
         moved=start is not None or goal is not None,
     )
@@ -327,20 +347,45 @@ def start_of(given: tuple[float, float, float] | None) -> Start | None:
     """Return a start of x, y in metres and heading in degrees."""
     if given is None:
         return None
-    if len(given) != 3:
-        raise UserError(f"start = {given!r}: give (x_m, y_m, heading_deg)")
-    return Start(x_m=given[0], y_m=given[1], heading_rad=radians(given[2]))
+    x_m, y_m, heading_deg = numbers_of("start", given, (3,), "(x_m, y_m, heading_deg)")
+    return Start(x_m=x_m, y_m=y_m, heading_rad=heading_rad_of("start", heading_deg))
 
 
 def goal_of(given: Sequence[float] | None) -> GoalPose | None:
     """Return a goal of x, y in metres and perhaps a heading in degrees."""
     if given is None:
         return None
-    if len(given) not in (2, 3):
-        raise UserError(f"goal = {given!r}: give (x_m, y_m) or (x_m, y_m, heading_deg)")
-    x_m, y_m, *heading_deg = given
-    heading_rad = radians(heading_deg[0]) if heading_deg else None
+    form = "(x_m, y_m) or (x_m, y_m, heading_deg)"
+    x_m, y_m, *heading_deg = numbers_of("goal", given, (2, 3), form)
+    heading_rad = heading_rad_of("goal", heading_deg[0]) if heading_deg else None
     return GoalPose(x_m=x_m, y_m=y_m, heading_rad=heading_rad)
+
+
+def numbers_of(what: str, given: object, counts: Sequence[int], form: str) -> list[float]:
+    """Return so many numbers; UserError for anything else."""
+    found = list(given) if isinstance(given, Iterable) else []
+    if len(found) not in counts or not all(isinstance(one, Real) for one in found):
+        raise UserError(f"{what} = {given!r}: give {form}")
+    return found
+
+
+def heading_rad_of(what: str, heading_deg: float) -> float:
+    """Return a heading in radians; UserError beyond a full turn, as for the goals of a robot."""
+    if abs(heading_deg) > 360.0:
+        raise UserError(f"{what}: heading {heading_deg:g} deg is out of range: -360 to 360 deg")
+    return radians(heading_deg)
+
+
+def values_of(parameters: object) -> dict[str, float]:
+    """Return parameters by name; UserError for what is no number."""
+    if parameters is None:
+        return {}
+    if not isinstance(parameters, Mapping):
+        raise UserError(f"parameters = {parameters!r}: give a dict, as in {{'v_max_m_s': 0.2}}")
+    for name, value in parameters.items():
+        if not isinstance(value, Real):
+            raise UserError(f"parameters: {name} = {value!r}: must be a number")
+    return dict(parameters)
 
 
 def whole(what: str, given: int, least: int) -> int:
@@ -455,16 +500,17 @@ def study(
 
     Raises ValueError (UserError) for what cannot be used.
     """
+    steps, levels = several("navigators", navigators), several("noise", noise)
     settings = StudySettings(
-        navigators=tuple(dict.fromkeys(with_side(one) for one in several(navigators))),
-        noise=tuple(dict.fromkeys(chosen("noise level", one, LEVELS) for one in several(noise))),
+        navigators=tuple(dict.fromkeys(map(with_side, steps))),
+        noise=tuple(dict.fromkeys(chosen("noise level", one, LEVELS) for one in levels)),
         seeds=whole("seeds", seeds, 1),
         timeout_s=None if timeout_s is None else above_zero("timeout_s", timeout_s),
-        parameters=dict(parameters or {}),
+        parameters=values_of(parameters),
         calibrated=calibrated,
     )
     jobs = whole("jobs", jobs, 1) if jobs is not None else os.cpu_count() or 1
-    places = list(places_of(several(worlds)))
+    places = list(places_of(several("worlds", worlds)))
     own = settings.own()
     if any(named_by(file.reference).place == DEFINED for file in own.values()):
         if output is not None:
@@ -481,17 +527,23 @@ def study(
         return StudyResult(row for row in pool.run(tasks) if row is not None)
 
 
-def several(given: Any) -> list[Any]:
-    """Return one or several values as a list."""
+EXAMPLE: Final = "sidestep.study('box', 'vgm_memory', noise='none')"
+
+
+def several(what: str, given: Any) -> list[Any]:
+    """Return one or several values as a list; UserError for none."""
     is_many = isinstance(given, Iterable) and not isinstance(given, str | os.PathLike)
-    return list(given) if is_many else [given]
+    found = list(given) if is_many else [given]
+    if not found:
+        raise UserError(f"{what} is empty: name one, as in {EXAMPLE}")
+    return found
 
 
 def with_side(given: NavigatorLike) -> str:
     """Return NAME:SIDE of a navigator, which passes obstacles on the left by default."""
     if callable(given):
         return f"{reference_of(given)}:left"
-    name, side = split_side(os.fspath(given))
+    name, side = split_side(text_of("navigator", given, NAVIGATOR_KINDS))
     return f"{reference_of(name)}:{side or 'left'}"
 
 
@@ -508,12 +560,11 @@ def places_of(given: Sequence[WorldLike]) -> Iterator[ListedWorld]:
             listing = [ListedWorld(f"given:{one.name}", digest_of(one), known)]
         else:
             try:
-                listing = listed(WorldSelection((os.fspath(one),), None, 1, 1))
+                place = text_of("world", one, WORLD_KINDS)
+                listing = listed(WorldSelection((place,), None, 1, 1))
             except UserError as error:
                 raise UserError(str(error).removeprefix("--worlds").lstrip(": ")) from None
         found.update((place.digest, place) for place in listing)
-    if not found:
-        raise UserError("worlds is empty: name one, as in sidestep.study('box')")
     yield from found.values()
 
 
@@ -538,13 +589,22 @@ def check_parameters(
                 raise UserError(f"parameters, or [robot] of {place.world.name}: {error}") from None
 
 
+@contextmanager
+def in_words_of_python(mixed: str) -> Iterator[None]:
+    """Name `output` as Python does in an error about it; there is no way to mix studies."""
+    try:
+        yield
+    except UserError as error:
+        raise UserError(str(error).replace(mixed, "").replace("--output", "output")) from None
+
+
 def kept_study(
     places: list[ListedWorld], settings: StudySettings, jobs: int, directory: Path
 ) -> StudyResult:
     """Run a study whose trials are kept in a folder."""
     from study.cli import study_run  # slow import: pyarrow
     from study.runner.conduct import StudyProgress, missing_tasks, stored_rows
-    from study.runner.store import exclusive, read, rows_of
+    from study.runner.store import MIXED, exclusive, read, rows_of
 
     if any(place.source.startswith("given:") for place in places):
         raise UserError("output keeps worlds by name or file: give the paths of their files")
@@ -559,7 +619,7 @@ def kept_study(
     prepared = study_run.PreparedStudy(
         directory, places, settings, tasks, context, f"sidestep.study(output={str(directory)!r})"
     )
-    with exclusive(directory):
+    with in_words_of_python(MIXED), exclusive(directory):
         for line in study_run.prepare_directory(prepared, mixed=False):
             print(f"sidestep.study: {line}", file=sys.stderr)
         missing = missing_tasks(tasks, stored_rows(directory))

@@ -138,10 +138,12 @@ def chosen_run(name: str | None, remedies: Remedies = SHELL) -> FoundRun | None:
     return found[0] if found else None
 
 
-def within(value: float, low: float, high: float, what: str, unit: str) -> float:
+def within(value: float, low: float, high: float, what: str, unit: str = "") -> float:
     """Return the value; UserError unless it is a number from `low` to `high` (in `unit`)."""
     if not isinstance(value, Real):
-        raise UserError(f"{what} {value!r} is not a number: give it in {unit}")
+        how = f": give it in {unit}" if unit else ""
+        raise UserError(f"{what} {value!r} is not a number{how}")
     if not low <= value <= high:
-        raise UserError(f"{what} {value:g} {unit} is out of range: {low:g} to {high:g} {unit}")
+        of = f" {unit}" if unit else ""
+        raise UserError(f"{what} {value:g}{of} is out of range: {low:g} to {high:g}{of}")
     return value

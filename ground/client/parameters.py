@@ -200,7 +200,7 @@ class Parameters:
 
         UserError if the robot has no such parameter.
         """
-        within(value, -FLT_MAX, FLT_MAX, name, "the parameter's own unit")
+        within(value, -FLT_MAX, FLT_MAX, name)
         changed = await self.change(name, value)
         if isinstance(changed, ParameterChanged) and changed.reason == Reason.UNKNOWN_PARAMETER:
             raise UserError(changed.refusal)

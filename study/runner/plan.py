@@ -108,12 +108,12 @@ def _sources(place: str, selection: WorldSelection) -> Iterator[tuple[str, Path 
         yield from ((f"shipped:{name}", None) for name in shipped())
     elif place in shipped():
         yield f"shipped:{place}", None
-    elif path.is_dir():
+    elif place and path.is_dir():
         files = sorted(path.glob("*.toml"))
         if not files:
             raise UserError(f"--worlds {place}: no .toml file in this directory")
         yield from (("", file) for file in files)
-    elif path.exists() or place.endswith(".toml"):
+    elif (place and path.exists()) or place.endswith(".toml"):
         yield "", path
     else:
         names = [CORPUS, FIXED, SHIPPED, *shipped()]

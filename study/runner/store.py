@@ -261,6 +261,10 @@ def settings_of(
     }
 
 
+MIXED: Final = ", or continue in this one with --mixed"
+"""A remedy that the command line has."""
+
+
 def check_settings(
     directory: Path, wanted: Mapping[str, Any], code: CodeVersion, *, mixed: bool
 ) -> list[str]:
@@ -274,7 +278,7 @@ def check_settings(
     if differing and not mixed:
         raise UserError(
             f"{directory}: holds a study with other settings: {'; '.join(differing)}; choose "
-            "another --output, or continue in this one with --mixed"
+            f"another --output{MIXED}"
         )
     if stored is None or differing:
         with replacing(file) as opened:

@@ -3,6 +3,7 @@
 import asyncio
 from collections.abc import AsyncIterator, Awaitable, Callable, Coroutine, Iterator
 from contextlib import asynccontextmanager
+from math import nan
 from threading import Timer
 from threading import enumerate as enumerate_threads
 from typing import Any
@@ -101,6 +102,10 @@ def test_other_operator_is_named_and_nothing_is_sent(stage: Stage) -> None:
         (lambda robot: robot.drive("fast", 0), "speed 'fast' is not a number: give it in m/s"),
         (lambda robot: robot.drive(0, 0, for_s=-1.0), "time -1 s is out of range"),
         (lambda robot: robot.parameters.set("d_obs_m", "2"), "d_obs_m '2' is not a number"),
+        (
+            lambda robot: robot.parameters.set("d_obs_m", nan),
+            r"^d_obs_m nan is out of range: -3.4e.38 to 3.4e.38$",
+        ),
         (lambda robot: robot.set_navigator("bugs"), "there is no navigator 'bugs': use one of bug"),
         (lambda robot: robot.set_navigator("bug", "up"), "there is no side 'up': use left, right"),
         (lambda robot: robot.set_mode("fast"), "there is no mode 'fast': use one of"),
@@ -422,6 +427,13 @@ async def test_fence_is_set_and_read(stage: Stage) -> None:
         assert (await robot.fence.set(circle)).ok
         assert await robot.fence.get() == circle
         assert (await robot.fence.clear()).ok
+
+
+@pytest.mark.parametrize("what", ["endpoint", "robot", "config", "name"])
+async def test_argument_of_another_type_is_refused(what: str) -> None:
+    wrong: dict[str, Any] = {what: 5}
+    with pytest.raises(sidestep.UserError, match=f"^{what} = 5: give "):
+        await sidestep.connect(**wrong).__aenter__()
 
 
 def test_endpoint_without_a_robot_is_unanswered() -> None:

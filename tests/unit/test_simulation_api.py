@@ -93,7 +93,8 @@ def test_kept_study_continues(tmp_path: Path) -> None:
     first = sidestep.study("open", "vgm", noise="none", jobs=1, output=folder)
     again = sidestep.study("open", "vgm", noise="none", jobs=1, output=folder)
     assert again.trials["started_utc"] == first.trials["started_utc"]
-    with pytest.raises(sidestep.UserError, match="other settings: seeds was 1, is 2"):
+    said = "holds a study with other settings: seeds was 1, is 2; choose another output$"
+    with pytest.raises(sidestep.UserError, match=said):
         sidestep.study("open", "vgm", noise="none", seeds=2, jobs=1, output=folder)
 
 
@@ -122,7 +123,29 @@ def test_worlds_are_a_mapping_and_a_table() -> None:
         (lambda: sidestep.trial(parameters={"v": 1.0}), "parameters: there is no parameter «v»"),
         (lambda: sidestep.study("box", parameters={"v": 1.0}), "parameters, or [robot] of box:"),
         (lambda: sidestep.study("bxo"), "no such world or directory: 'bxo'"),
-        (lambda: sidestep.study([]), "worlds is empty"),
+        (lambda: sidestep.study([]), "worlds is empty: name one, as in sidestep.study('box', "),
+        (lambda: sidestep.study("box", []), "navigators is empty: name one"),
+        (lambda: sidestep.study("box", noise=[]), "noise is empty: name one"),
+        (lambda: sidestep.study("box", 5), "navigator = 5: give the name of a navigator"),  # type: ignore[arg-type]
+        (lambda: sidestep.study(5), "world = 5: give the name of a world"),  # type: ignore[arg-type]
+        (lambda: sidestep.study("box", "bug:up"), "no such side: 'up'; there are left, right"),
+        (lambda: sidestep.study("box", ""), "no such navigator: ''"),
+        (lambda: sidestep.study(""), "no such world or directory: ''"),
+        (lambda: sidestep.trial(None), "world = None: give the name of a world, the path"),  # type: ignore[arg-type]
+        (lambda: sidestep.trial(""), "no such world: ''"),
+        (lambda: sidestep.worlds.load(3), "path = 3: give the path of a world file"),  # type: ignore[arg-type]
+        (lambda: sidestep.trial("box", 5), "navigator = 5: give the name of a navigator"),  # type: ignore[arg-type]
+        (lambda: sidestep.trial("box", "bug:up"), "no such side: 'up'; there are left, right"),
+        (lambda: sidestep.trial("box", "bug:left"), "give 'bug' and side='left'"),
+        (lambda: sidestep.trial(noise=["none"]), "no such noise level"),  # type: ignore[arg-type]
+        (lambda: sidestep.trial(start="abc"), "start = 'abc': give (x_m, y_m, heading_deg)"),  # type: ignore[arg-type]
+        (lambda: sidestep.trial(start=5), "start = 5: give (x_m, y_m, heading_deg)"),  # type: ignore[arg-type]
+        (lambda: sidestep.trial(goal=(2.0, 1.0, 1e9)), "goal: heading 1e+09 deg is out of range"),
+        (
+            lambda: sidestep.trial(parameters={"v_max_m_s": "fast"}),  # type: ignore[dict-item]
+            "parameters: v_max_m_s = 'fast': must be a number",
+        ),
+        (lambda: sidestep.study("box", parameters=[1]), "parameters = [1]: give a dict"),  # type: ignore[arg-type]
         (lambda: sidestep.study("open", jobs=1).report(), "report() needs files"),
         (lambda: sidestep.study("open", straight, output="x"), "needs the file of a navigator"),
         (lambda: Table({"a": [1]})["b"], "there is no column 'b': there are a"),
