@@ -41,6 +41,9 @@ class Recording:
         self.damage = log.damage()
         """What is damaged in the files, in words; empty if nothing is."""
 
+        if not self._rows:
+            why = f": {self.damage}" if self.damage else ""
+            raise UserError(f"{path}: holds no message of a robot{why}")
         found = world_of(log.facts.get("world", ""))
         self.world: World | None = None if found is None else shown(found)
         """The world of a simulation, if the recording has it."""
@@ -102,7 +105,10 @@ class Recording:
 
     def __repr__(self) -> str:
         where = "" if self.world is None else f" in {self.world.name}"
-        return f"<Recording {self.path.name}: {self.robot}{where}, {self.duration_s:.1f} s>"
+        damaged = ", damaged" if self.damage else ""
+        return (
+            f"<Recording {self.path.name}: {self.robot}{where}, {self.duration_s:.1f} s{damaged}>"
+        )
 
     def _repr_html_(self) -> str:
         """Show the map with the path, and the topics, in a notebook."""
@@ -125,6 +131,6 @@ def open_recording(
     """Read a recording: an .mcap or .tlog file, or without a path the newest one of this user.
 
     `robot` is needed if the name of the file does not contain it. Raises ValueError (UserError) for
-    a file that is none.
+    a file that is none, and for one without any message that can be read.
     """
     return Recording(recording_named(None if path is None else os.fspath(path)), robot)

@@ -236,3 +236,19 @@ def test_recording_gives_a_table_for_each_topic(tmp_path: Path) -> None:
     assert len(found.plot().axes) == 5
     with pytest.raises(sidestep.UserError, match="there is no topic 'nope': there are"):
         found["nope"]
+
+
+@each("content", [b"", b"\x89", b"x", b"\x89MCAP0\r\n", b"no recording" * 99])
+@each("name", ["a.mcap", "a.tlog"])
+def test_recording_without_a_message_is_refused(tmp_path: Path, name: str, content: bytes) -> None:
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(sidestep.UserError, match=f"{name}: holds no message of a robot"):
+        sidestep.open_recording(tmp_path / name)
+
+
+def test_recording_that_is_cut_says_so(tmp_path: Path) -> None:
+    whole = mcap(tmp_path / "a.mcap", list(run(60)))
+    assert "damaged" not in repr(sidestep.open_recording(whole))
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(whole.read_bytes()[: whole.stat().st_size // 2])
+    assert repr(sidestep.open_recording(cut)).endswith(" s, damaged>")
