@@ -259,9 +259,14 @@ def touched(rows: list[NavigatorSummary]) -> list[str]:
     if len(rows) < 2:
         return []
     least, *_, most = sorted(rows, key=lambda one: one.touched.rate)
+    if not most.touched.rate:
+        return [f"With noise `{most.noise}` none of these navigators touched anything."]
     if least.touched.interval.high >= most.touched.interval.low:
-        rates = f"{percent(least.touched.rate, 2)} to {percent(most.touched.rate, 2)} %"
-        return [f"Something was touched in {rates} of trials: a tie, as the intervals overlap."]
+        rates = dict.fromkeys(percent(one.touched.rate, 2) for one in (least, most))
+        return [
+            f"Something was touched in {' to '.join(rates)} % of trials: a tie, as the intervals"
+            " overlap."
+        ]
     return [
         f"Something was touched least often by {least.label} ({share(least.touched, 2)} % of"
         f" trials), most often by {most.label} ({share(most.touched, 2)} %)."

@@ -340,7 +340,11 @@ def test_seeds_of_one_world_decide_nothing() -> None:
 def test_contacts_that_are_alike_are_a_tie() -> None:
     rows = [row(navigator=name, world=f"w{at}") for name in ("bug", "vgm") for at in range(3)]
     assert sentences(trials(*rows))[-1] == (
-        "Something was touched in 0.00 to 0.00 % of trials: a tie, as the intervals overlap."
+        "With noise `default` none of these navigators touched anything."
+    )
+    touched = [replace(one, contacts=int(one.world == "w0")) for one in rows]
+    assert sentences(trials(*touched))[-1] == (
+        "Something was touched in 33.33 % of trials: a tie, as the intervals overlap."
     )
 
 
