@@ -180,20 +180,15 @@ class RunEnd:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunOutcome:
-    """Result of a run, with errors against ground truth.
-
-    `estimated_position_error_m` is the error of the robot's estimate against the goal it received.
-    `contacts` counts every contact; `own_contacts` those that began while the robot itself moved
-    towards the obstacle, so that a stopped robot would have avoided them. `wall_s` is the duration
-    of the drive loop; `digest` is a SHA-256 over the trajectory, equal for equal runs. `doubt_m` is
-    the longer half axis of the 95 % ellipse of the estimate at the end, None where unknown.
-    """
+    """Result of a run, with errors against ground truth."""
 
     world: str
     navigator: str
     seed: int
     noise: str
     wall_s: float
+    """Duration of the drive loop."""
+
     outcome: str
     reason: str
     time_s: float
@@ -202,13 +197,21 @@ class RunOutcome:
     position_error_m: float
     heading_error_rad: float | None
     estimated_position_error_m: float
+    """Error of the robot's estimate against the goal it received."""
+
     min_clearance_m: float
     contacts: int
     own_contacts: int
+    """Those that began while the robot itself moved towards the obstacle, so that a stopped robot
+    would have avoided them."""
+
     ticks: int
     missed_ticks: int
     digest: str
+    """SHA-256 over the trajectory, equal for equal runs."""
+
     doubt_m: float | None = None
+    """The longer half axis of the 95 % ellipse of the estimate at the end, None where unknown."""
 
     @property
     def reached(self) -> bool:

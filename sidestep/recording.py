@@ -63,6 +63,10 @@ class Recording:
         """Yield time and message of a topic, in order."""
         yield from self._rows[self._topic(topic)]
 
+    def __iter__(self) -> Iterator[str]:
+        """Yield the names of the topics, as a mapping does."""
+        return iter(self._rows)
+
     def __getitem__(self, topic: str) -> Table:
         return Table.of_rows(
             {"time_s": time_s, "message": type(message).__name__, **message.to_dict()}
@@ -70,10 +74,15 @@ class Recording:
         )
 
     def _topic(self, topic: str) -> str:
-        found = [one for one in self._rows if one == topic or one.rpartition("/")[2] == topic]
+        ends = [one.rpartition("/")[2] for one in self._rows]
+        found = [one for one, end in zip(self._rows, ends, strict=True) if topic in (one, end)]
         if len(found) != 1:
             what = f"several topics end in {topic!r}" if found else f"there is no topic {topic!r}"
-            raise UserError(f"{what}: there are {', '.join(self._rows)}")
+            known = (
+                end if ends.count(end) == 1 else one
+                for one, end in zip(self._rows, ends, strict=True)
+            )
+            raise UserError(f"{what}: there are {', '.join(known)}")
         return found[0]
 
     def to_dict(self, topic: str) -> dict[str, list[Value]]:

@@ -38,6 +38,8 @@ class Table:
         return len(next(iter(self._columns.values()), ()))
 
     def __getitem__(self, column: str) -> list[Value]:
+        if isinstance(column, int | slice):
+            raise UserError("a table gives columns by name: list(table)[0] is its first row")
         if column not in self._columns:
             raise UserError(f"there is no column {column!r}: there are {', '.join(self._columns)}")
         return self._columns[column]

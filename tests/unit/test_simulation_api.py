@@ -149,6 +149,7 @@ def test_worlds_are_a_mapping_and_a_table() -> None:
         (lambda: sidestep.study("open", jobs=1).report(), "report() needs files"),
         (lambda: sidestep.study("open", straight, output="x"), "needs the file of a navigator"),
         (lambda: Table({"a": [1]})["b"], "there is no column 'b': there are a"),
+        (lambda: Table({"a": [1]})[0], "by name: list(table)[0] is its first row"),  # type: ignore[index]
         (lambda: sidestep.open_recording("no.mcap"), "no.mcap: No such file"),
     ],
 )
@@ -234,7 +235,9 @@ def test_recording_gives_a_table_for_each_topic(tmp_path: Path) -> None:
     assert set(found.summary()["topic"]) == set(found.topics)
     assert "polyline" in found._repr_html_()
     assert len(found.plot().axes) == 5
-    with pytest.raises(sidestep.UserError, match="there is no topic 'nope': there are"):
+    assert list(found) == found.topics
+    said = "there is no topic 'nope': there are wheels, sonar, .*, tlm/heartbeat, op/heartbeat, "
+    with pytest.raises(sidestep.UserError, match=said):
         found["nope"]
 
 
