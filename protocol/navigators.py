@@ -66,6 +66,11 @@ def own_source(reference: str) -> OwnSource:
     Raises UserError for a file that is not there, and for a name that a navigator has already.
     """
     found = named_by(reference)
+    if found.place in NAVIGATORS:
+        raise UserError(
+            f"{reference}: {found.place} is a navigator of the robot: give its name alone, and its"
+            " side with --side"
+        )
     if found.is_file:
         path = Path(found.place).expanduser()
         if not path.is_file():

@@ -97,6 +97,7 @@ def test_file_that_cannot_be_loaded_is_named_with_its_line(text: str, said: str)
         ("none.py", "there is no such file; `sidestep navigators new none` writes one"),
         ("no.such:step", "there is no such module from "),
         ("bug.py", "bug is the name of a navigator of the robot"),
+        ("bug:up", "bug is a navigator of the robot: give its name alone"),
     ],
 )
 def test_reference_that_leads_nowhere_is_refused(reference: str, said: str) -> None:
