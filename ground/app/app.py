@@ -282,11 +282,10 @@ class GroundApp(App[int]):
     def suspend_to_shell(self) -> None:
         """Restore the terminal, and stop with the whole job until the shell continues it.
 
-        What has started this program, such as `make`, must stop, too, or the shell would wait for
-        it. The driver handles the signal.
+        The driver handles the signal.
         """
         if self._driver is not None and self._driver.can_suspend:
-            os.killpg(0, signal.SIGTSTP)
+            os.kill(os.getpid(), signal.SIGTSTP)
 
     def notify_desktop(self, text: str) -> None:
         """Ask the terminal to show a notification on its desktop, also through ssh and tmux."""

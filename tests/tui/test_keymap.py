@@ -1,5 +1,6 @@
 """Keys: their table, the action of each on its screens, hints, and the menu of a place."""
 
+import signal
 from pathlib import Path
 
 import pytest
@@ -8,6 +9,7 @@ from textual.content import Content
 
 from ground.app.chrome.key_bar import keys_when
 from ground.app.commands.palette import CommandPalette
+from ground.app.input.driver import TerminalDriver
 from ground.app.input.keymap import (
     KEYS,
     Keymap,
@@ -431,3 +433,13 @@ async def test_suspend_needs_a_shell_and_a_second_press(
         assert suspended == []
         await stage.press("alt+z")
         assert suspended == [1] * (group == 8)
+
+
+def test_terminal_is_restored_before_the_whole_job_stops(monkeypatch: pytest.MonkeyPatch) -> None:
+    driver, done = TerminalDriver.__new__(TerminalDriver), list[object]()
+    driver._auto_restart = True
+    monkeypatch.setattr(driver, "suspend_application_mode", lambda: done.append("restored"))
+    monkeypatch.setattr("os.kill", lambda *_: done.append("only this process"))
+    monkeypatch.setattr("os.killpg", lambda *how: done.append(how))
+    driver._sigtstp_application()
+    assert done == ["restored", (0, signal.SIGSTOP)]

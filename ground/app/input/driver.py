@@ -7,6 +7,7 @@ for ever; here a paste whose end is lost ends, and an escape within it makes no 
 
 import os
 import re
+import signal
 from codecs import getincrementaldecoder
 from collections.abc import Callable, Iterable, Iterator
 from select import select
@@ -202,6 +203,16 @@ class TerminalDriver(LinuxDriver):
                     return
                 reader.feed(data)
             reader.tick()
+
+    def _sigtstp_application(self, *_: object) -> None:
+        """Restore the terminal, and only then stop the whole job.
+
+        What has started this program, such as `make`, must stop, too, or the shell would wait for
+        it; but once that has stopped, the shell takes the terminal, which could not be restored.
+        """
+        self.suspend_application_mode()
+        self._must_signal_resume = True
+        os.killpg(0, signal.SIGSTOP)
 
 
 class InputReader:
