@@ -255,7 +255,7 @@ class LeaseShown(Success):
         """The holder, and when the lease expires."""
         if not self.status.held:
             return "no operator holds the lease"
-        holder = f"{holder_name(self.status)}{' (this is you)' if self.ours else ''}"
+        holder = f"{holder_name(self.status)}{' (a program of yours)' if self.ours else ''}"
         left_s = self.status.lapses_ms / 1000
         expiry = f"without a heartbeat or a drive the lease expires in {left_s:.1f} s"
         return f"{holder} commands {self.robot}; {expiry}"

@@ -22,7 +22,7 @@ NAVIGATOR_SUMMARIES: Final = MappingProxyType(
         "bug2": "follows the boundary back to the line to the goal",
         "distbug": "follows the boundary until the way leads nearer",
         "vgm_memory": "vgm with a memory of recent echoes (the default)",
-        "own": "that of the file with which the robot was started",
+        "own": "yours, if the robot was started with `--navigator FILE`",
     }
 )
 MODE_SUMMARIES: Final = MappingProxyType(

@@ -143,7 +143,9 @@ def test_lease_of_another_program_of_this_person_is_ours() -> None:
     stage = Stage()
     stage.bus.say(LEASE, replace(lease_of("app"), holder="open/beef"))
     assert stage.bus.operator == "open/0a"
-    assert perform(ShowLease(), stage).text.startswith("app (open) (this is you) commands r1")
+    assert perform(ShowLease(), stage).text.startswith(
+        "app (open) (a program of yours) commands r1"
+    )
 
 
 def test_lease_status_that_does_not_come_is_an_error() -> None:
