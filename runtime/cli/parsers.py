@@ -20,12 +20,22 @@ class VerbParser(argparse.ArgumentParser):
     """A parser whose errors suggest a word for a misspelt one."""
 
     def error(self, message: str) -> NoReturn:
-        """Print the usage and the message, with a suggestion; exit with 2."""
+        """Print the message with a suggestion and the option's help, else the usage; exit 2."""
         if found := UNKNOWN_OPTION.match(message):
             message += advice_on(found[1], self)
         elif found := INVALID_CHOICE.search(message):
             message += nearest(found[1], found[2].replace("'", "").split(", "))
+            if help := help_of(message, self):
+                self.exit(2, f"{self.prog}: error: {message}{help}\n")
         super().error(message)
+
+
+def help_of(message: str, parser: argparse.ArgumentParser) -> str:
+    """Return a line with the help of the option that an error names; empty without one."""
+    options = parser._option_string_actions
+    option = message.removeprefix("argument ").split(":")[0].split("/")[-1]
+    text = options[option].help if option in options else None
+    return f"\n  {option}: {text}" if text else ""
 
 
 def advice_on(option: str, parser: argparse.ArgumentParser) -> str:

@@ -368,12 +368,17 @@ def find(words: Sequence[str]) -> Call | None:
     return None
 
 
+WORDS_OF_OTHERS: Final[Mapping[str, str]] = MappingProxyType({"status": "watch"})
+"""Verbs of other programs, and what they are here."""
+
+
 def nearest_verb(words: Sequence[str]) -> str:
     """Return a suggestion for words that are no verb, or ""."""
     commands = {word: command_of(word) for word in VERBS}
     if words[0] not in GROUPS:
         last_words = {command.split()[-1]: command for command in commands.values()}
-        return nearest(words[0], last_words | commands | {group: group for group in GROUPS})
+        known = last_words | commands | {group: group for group in GROUPS}
+        return nearest(words[0], {**known, **WORDS_OF_OTHERS})
     if words[1] in VERBS:
         return nearest(words[1], commands)
     below = [command for command in commands.values() if command.startswith(f"{words[0]} ")]

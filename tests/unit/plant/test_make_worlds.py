@@ -92,7 +92,7 @@ def test_generate_rejects_impossible_requests(
     argv: list[str], says: str, tmp_path: Path, capsys: Told
 ) -> None:
     told = refusal(capsys, "generate", *argv, "--out", str(tmp_path))
-    assert "usage: sidestep worlds generate" in told
+    assert "sidestep worlds generate: error:" in told
     assert says in told
 
 

@@ -16,7 +16,14 @@ from runtime.cli.completion import SCRIPTS, complete, completions
 from runtime.cli.completion import main as print_script
 from runtime.cli.parsers import PLACE, parser_of, program_parsers, subcommands_of
 from runtime.cli.verb import GROUPS
-from runtime.cli.verb_table import VERBS, Call, command_of, find, with_present_name
+from runtime.cli.verb_table import (
+    VERBS,
+    Call,
+    command_of,
+    find,
+    nearest_verb,
+    with_present_name,
+)
 from tests.support.each import each
 from tests.support.ground.runs import written
 
@@ -218,6 +225,21 @@ def test_example_of_a_subcommand_is_accepted(word: str, name: str) -> None:
     program = program_parsers(word).get(name)
     parser, rest = (parser_of(word), words[1:]) if program is None else (program, words[2:])
     assert parser.parse_args(numbers_kept(rest)) is not None
+
+
+def test_a_wrong_choice_is_named_with_the_help_not_the_usage(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    with pytest.raises(SystemExit):
+        parser_of("up").parse_args(["--navigator", "vmg"])
+    said = capsys.readouterr().err
+    assert "did you mean 'vgm'?" in said
+    assert "a file of your own" in said
+    assert "usage:" not in said
+
+
+def test_a_word_of_other_programs_leads_to_its_verb() -> None:
+    assert nearest_verb(["status"]) == "; did you mean 'watch'?"
 
 
 @each(
