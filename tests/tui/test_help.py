@@ -68,6 +68,13 @@ async def test_help_opens_in_any_size(size: tuple[int, int]) -> None:
         assert not stage.app.screen.query("#help")
 
 
+async def test_help_shows_whole_lines_where_they_fit() -> None:
+    async with staged((140, 42)) as stage:
+        await stage.press("?")
+        shown = stage.words("help").splitlines()
+        assert any(line.rstrip().endswith("the fence or the draft") for line in shown)
+
+
 class Drive:
     """A station whose state is set, and a tutorial that polls it."""
 

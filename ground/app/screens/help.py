@@ -13,7 +13,7 @@ from ground.app.app_interface import AppControl
 from ground.app.input.keymap import KeyBinding, shown
 from ground.app.widgets.lines import Lines
 from ground.app.widgets.map import MONO
-from ground.app.widgets.rows import Row, Span, faint, row
+from ground.app.widgets.rows import Row, Span, faint, row, width_of
 from ground.console.parser import help_text, summaries
 from ground.map.canvas import DOTTED, HEADINGS, MARKS
 from runtime.cli.verb_table import VERBS
@@ -149,7 +149,8 @@ def command_rows(word: str) -> list[Row]:
     return [*rows, row("  example: ", Span(f":{example}", "key"))] if example else rows
 
 
-WIDTH: Final = 90
+BORDERS: Final = 4
+"""Columns of the border and the space beside it."""
 HOW: Final = "   arrows scroll, tab: next part, esc closes"
 
 
@@ -195,7 +196,8 @@ class HelpScreen(ModalScreen[None]):
         """Draw the rows that fit."""
         box = self.query_one(Lines)
         box.styles.height = min(len(self._rows) + 2, max(3, self.size.height - 2))
-        box.styles.width = min(WIDTH, max(10, self.size.width - 2))
+        widest = max(map(width_of, self._rows), default=0) + BORDERS
+        box.styles.width = min(widest, max(10, self.size.width - 2))
         box.show(self._rows[self._top :])
 
     def action_move(self, step: int) -> None:
