@@ -423,6 +423,7 @@ class Station:
             if token.robot in ended and token.role in PROCESSES
         )
         self.queue.cancel(RESTARTED)
+        self.queue.last = ""
         self._fleet.forget()
         self.select(self._robot)
         if self._session is not None:

@@ -294,11 +294,12 @@ def test_answer_of_a_request_is_awaited_after_a_stop() -> None:
 
 def test_requests_that_wait_are_dropped_with_the_world() -> None:
     play, done = ready(), no_texts()
+    play.station.queue.last = "goal 1 2: ok"
     play.station.queue.submit("hold", Noted(done))
     play.station.queue.submit("arm", Noted(done))
     play.station.begin_again()
     play.forward(1.0)
-    assert done == []
+    assert (done, play.station.queue.last) == ([], "")
     assert play.texts("not sent: arm: other processes are started")
 
 
