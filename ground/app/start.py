@@ -8,7 +8,7 @@ import os
 import signal
 import sys
 import termios
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from io import BufferedWriter, FileIO, TextIOWrapper
 from pathlib import Path
@@ -21,7 +21,7 @@ from ground.app.input.keymap import TABLE, Keymap, key_hints, load
 from ground.app.input.keymap import keymap_of as keymap_in
 from ground.client.connection import Common
 from ground.client.lease_holder import operator_name
-from ground.recording.log_reader import files_of
+from ground.recording.log_reader import files_of, robot_in
 from ground.user.folders import PRIVATE_FILE, state_folder
 from ground.user.settings import Settings, load_settings, set_setting, settings_file
 from protocol.bus.bus import Bus
@@ -154,20 +154,22 @@ def run(
     with capture_output(state_folder() / "ground.log") as terminal:
         app.limit_frame_rate(terminal)
         code = run_app(app, station)
-    print_summary(station.last_drives(), None if recording is None else recording.file)
+    logs = [] if stack is None else stack.recordings()  # one for each world that was started
+    logs = [log for log in logs if robot_in(log) == common.robot]
+    newest = None if recording is None else recording.file
+    print_summary(station.last_drives(), logs if newest is None else [*logs, newest])
     return code
 
 
-def print_summary(drives: Mapping[str, str], recorded: Path | None) -> None:
-    """Print how the last drive of each robot ended, and where its recording is."""
+def print_summary(drives: Mapping[str, str], recorded: Iterable[Path]) -> None:
+    """Print how the last drive of each robot ended, and where the recordings are."""
     if in_browser(os.environ):
         return  # standard output belongs to the browser
     with suppress(OSError):  # the terminal may have gone
         for robot, words in drives.items():
             print(f"{robot}: {words}")
-        if recorded is not None:
-            files = files_of(recorded) or [recorded]
-            print(f"recording: {files[0]} (sidestep replay)")
+        for first in dict.fromkeys((files_of(one) or [one])[0] for one in recorded):
+            print(f"recording: {first} (sidestep replay)")
         sys.stdout.flush()
 
 

@@ -41,17 +41,23 @@ def test_exit_prints_each_drive_and_the_recording(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     drives, log = {"r1": "reached", "r2": "no goal was set"}, tmp_path / "a.tlog"
-    start.print_summary(drives, log)
+    start.print_summary(drives, [log])
     assert capsys.readouterr().out == (
         f"r1: reached\nr2: no goal was set\nrecording: {log} (sidestep replay)\n"
     )
     log.with_suffix(".mcap").touch()
-    start.print_summary({}, log)
+    start.print_summary({}, [log])
     assert capsys.readouterr().out == f"recording: {tmp_path}/a.mcap (sidestep replay)\n"
-    start.print_summary(drives, None)
+    other = tmp_path / "of the world before.tlog"
+    start.print_summary({}, [other, log, log])
+    assert [line.split("/")[-1] for line in capsys.readouterr().out.splitlines()] == [
+        "of the world before.tlog (sidestep replay)",
+        "a.mcap (sidestep replay)",
+    ]
+    start.print_summary(drives, [])
     assert "recording" not in capsys.readouterr().out
     monkeypatch.setenv("TEXTUAL_DRIVER", "browser")
-    start.print_summary(drives, log)
+    start.print_summary(drives, [log])
     assert capsys.readouterr().out == ""
 
 
