@@ -27,7 +27,7 @@ class GoalProgress:
     """Follows the status of one robot; every new goal starts anew."""
 
     def __init__(self) -> None:
-        self._goal_id = 0
+        self._goal: tuple[float, ...] = ()
         self._begun_m: float | None = None
         self._status: NavigatorStatus | None = None
         self._points: deque[tuple[float, float]] = deque(maxlen=round(WINDOW_S / STEP_S) + 1)
@@ -35,8 +35,8 @@ class GoalProgress:
     def update(self, status: NavigatorStatus) -> None:
         """Add a status; times are of the robot's clock, in a simulation simulated time."""
         distance_m, time_s = status.goal_distance_m, status.time_ns / NS_PER_S
-        if status.goal_id != self._goal_id:
-            self._goal_id, self._begun_m = status.goal_id, None
+        if goal_of(status) != self._goal:
+            self._goal, self._begun_m = goal_of(status), None
             self._points.clear()
         restarted = bool(self._points) and time_s < self._points[-1][0]
         if restarted or not drives(status) or not isfinite(distance_m):
@@ -75,6 +75,12 @@ class GoalProgress:
         return last_m / rate_m_s if rate_m_s >= LEAST_M_S else None
 
 
+def goal_of(status: NavigatorStatus) -> tuple[float, ...]:
+    """Return what tells a goal from another one; those of a mission share their id."""
+    place = (status.goal_x_m, status.goal_y_m)
+    return (status.goal_id, *(place if has_goal(status) else ()))
+
+
 def drives(status: NavigatorStatus) -> bool:
     """Return whether the robot is on its way to a goal."""
     return (
@@ -101,7 +107,7 @@ class LastDrive:
         self._status: NavigatorStatus | None = None
         self._before = ""
         self._placed = True
-        self._goal_id = 0
+        self._set: tuple[float, ...] = ()
         self._whole = True
         self._driven_m = 0.0
         self._place: tuple[float, float] | None = None
@@ -128,8 +134,8 @@ class LastDrive:
         """Add a status; a new goal begins a new distance."""
         if self._status is not None and has_goal(self._status) and not has_goal(status):
             self._before = self._drive(self._status)
-        if status.goal_id != self._goal_id:
-            self._goal_id, self._driven_m = status.goal_id, 0.0
+        if goal_of(status) != self._set:
+            self._set, self._driven_m = goal_of(status), 0.0
             self._whole = status.time_ns - status.goal_started_ns <= BEGIN_NS
         self._status = status
 

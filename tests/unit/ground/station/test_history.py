@@ -261,6 +261,19 @@ def test_a_new_goal_begins_a_new_distance() -> None:
     assert ", 1.00 m driven" in drive.text()
 
 
+def test_the_next_item_of_a_mission_is_another_goal() -> None:
+    progress, drive = GoalProgress(), last_drive(GoalState.DRIVING)
+    driven(progress, 16.0)
+    following = at(16.1, 4.0)
+    following = msgspec.structs.replace(
+        following, goal_x_m=1.0, goal_started_ns=following.time_ns, goal_id=7
+    )
+    progress.update(following)
+    assert progress.share == 0.0
+    drive.update(following)
+    assert ", 0.00 m driven" in drive.text()
+
+
 def nowhere(goal: GoalState) -> NavigatorStatus:
     """Return the status of a robot that has accepted no goal yet."""
     return msgspec.structs.replace(
