@@ -223,8 +223,17 @@ class FakeStation(Station):
     def decisions(self, after_ns: int) -> list[tuple[int, AvoidanceDecision]]:
         return [pair for pair in self.decided if pair[0] > after_ns]
 
-    def end_of(self, command: QueuedCommand) -> Ended:
-        """Perform a command on the robot that is shown."""
+    def end_of(self, command: QueuedCommand, witness: Witness | None = None) -> Ended:
+        """Perform a command on the robot that is shown, as the queue does."""
+
+        async def carried_out() -> Ended:
+            if witness is not None:
+                await witness.before(robot)
+            ended = await command.perform(robot)
+            if witness is not None:
+                witness.after(robot, ended)
+            return ended
+
         common = Common(network=Network(), robot=self.robot)
         world = self.world
         floor = None if world is None else floor_in(world.text)
@@ -238,7 +247,7 @@ class FakeStation(Station):
         )
         try:
             with closing(PlayedLoop(self.clock)) as loop:
-                return run_on(loop, command.perform(robot))
+                return run_on(loop, carried_out())
         except (RemoteError, UserError) as error:
             return JobResult(False, str(error))
 
@@ -273,7 +282,7 @@ class FakeCommandQueue(CommandQueue):
         assert not isinstance(command, LeaseAction)
         self._station.asked.append(words)
         why = self.refusal(moves=moves)
-        self._station.note(f"{words}: {why or self._station.end_of(command).text}")
+        self._station.note(f"{words}: {why or self._station.end_of(command, witness).text}")
         return not why
 
     def lease(self, action: LeaseAction) -> None:

@@ -27,7 +27,7 @@ from ground.console.app_commands import CopyText
 from ground.console.history import History
 from ground.missions.files import EMPTY
 from ground.missions.mission import Circle
-from ground.station.robot.command_queue import CommandQueue, QueuedCommand
+from ground.station.robot.command_queue import CommandQueue, QueuedCommand, Witness
 from protocol.bus.network import Network
 from protocol.options import DEFAULT_ENDPOINT
 from protocol.topics import MISSION, STATUS, Topic
@@ -147,17 +147,19 @@ def test_undo_takes_back_the_change_that_is_under_way(monkeypatch: pytest.Monkey
     runner, station = command_runner()
     robot = RobotStub(station, monkeypatch)
     runner.run_line("set d_obs_m 0.5")
-    waiting: list[QueuedCommand] = []
+    waiting: list[tuple[QueuedCommand, Witness | None]] = []
     monkeypatch.setattr(CommandQueue, "busy", property(lambda _: "set" if waiting else ""))
 
-    def submit(words: str, command: QueuedCommand, *, moves: bool = True) -> bool:
-        waiting.append(command)
+    def submit(
+        words: str, command: QueuedCommand, *, moves: bool = True, witness: Witness | None = None
+    ) -> bool:
+        waiting.append((command, witness))
         return True
 
     monkeypatch.setattr(station.queue, "submit", submit)
     for line in ("set d_obs_m 0.7", "undo", "wp add 1 2", "undo"):
         runner.run_line(line)
-    texts = [station.end_of(command).text for command in waiting]
+    texts = [station.end_of(*given).text for given in waiting]
     assert [value for _, value in robot.set] == [0.5, 0.7, 0.5]
     assert texts[2].startswith("undone: wp add 1 2")
 
