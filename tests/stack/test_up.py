@@ -307,6 +307,7 @@ def texts_in(log: Path) -> str:
     return "".join(one.text for one in messages if isinstance(one, Statustext))
 
 
+@pytest.mark.realtime
 def test_without_its_router_the_robot_stops_by_itself_and_that_is_the_outcome() -> None:
     """Use wall time: the paced simulation would wait for the router."""
     with under_way("--router", "--clock", "wall") as up:
