@@ -280,9 +280,13 @@ def test_guided_goal_ends_and_clients_of_a_new_gateway_go_on() -> None:
 
         newer = Gateway(stack)
         stack.forward(LAPSE_S + 0.5)
-        newer.round()
-        (heartbeat, *_) = of_type(newer.sent, "HEARTBEAT")
-        assert heartbeat.system_status == mavlink.MAV_STATE_CRITICAL
+
+        def is_critical() -> bool:
+            newer.round()
+            (*_, heartbeat) = of_type(newer.sent, "HEARTBEAT")
+            return bool(heartbeat.system_status == mavlink.MAV_STATE_CRITICAL)
+
+        stack.until(is_critical)
         assert newer.command(ARM, 1) == 0
         assert stack.state == VehicleState.ACTIVE
         assert newer.command(SET_MODE, 1, GUIDED) == 0
