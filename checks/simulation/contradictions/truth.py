@@ -28,6 +28,7 @@ from protocol.wire.messages import (
     MissionVerdict,
     NavigatorStatus,
 )
+from protocol.wire.reasons import Reason
 from robot.vehicle import Answer, RobotVehicle
 from runtime.clock import Tick
 from runtime.errors import RemoteError
@@ -321,9 +322,16 @@ class Truth:
         goals = (one for one in self.answered if isinstance(one.request, GoalRequest))
         return any(one.program == program and one.ns >= since_ns and not one.ok for one in goals)
 
+    def _last_in_tick(self, row: RobotRow) -> RobotRow:
+        """Return the last row of the tick of a row."""
+        return [one for one in self.rows if one.ns == row.ns][-1]
+
     def _goal(self, asked: RequestTruth) -> GoalTruth:
         for row in self.rows[asked.at :]:
             if row.goal_id == asked.number and row.goal_state >= GoalState.REACHED:
+                is_shown = self._last_in_tick(row).goal_id == asked.number
+                if row.goal_reason == Reason.BY_HAND and not is_shown:
+                    continue  # no status shows a drive by hand that ends in its own tick
                 return GoalTruth(asked, row, None)
             if row.goal_id != asked.number:
                 by = next((one for one in self.answered if one.number == row.goal_id), None)
