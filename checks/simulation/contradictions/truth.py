@@ -28,7 +28,6 @@ from protocol.wire.messages import (
     MissionVerdict,
     NavigatorStatus,
 )
-from protocol.wire.reasons import Reason
 from robot.vehicle import Answer, RobotVehicle
 from runtime.clock import Tick
 from runtime.errors import RemoteError
@@ -330,8 +329,8 @@ class Truth:
         for row in self.rows[asked.at :]:
             if row.goal_id == asked.number and row.goal_state >= GoalState.REACHED:
                 is_shown = self._last_in_tick(row).goal_id == asked.number
-                if row.goal_reason == Reason.BY_HAND and not is_shown:
-                    continue  # no status shows a drive by hand that ends in its own tick
+                if row.goal_state != GoalState.REACHED and not is_shown:
+                    continue  # no status shows an end that another goal follows in its own tick
                 return GoalTruth(asked, row, None)
             if row.goal_id != asked.number:
                 by = next((one for one in self.answered if one.number == row.goal_id), None)
