@@ -17,7 +17,14 @@ from math import sqrt
 from typing import Final
 
 from robot.core.navigators.loops import CRUMBS, Loops
-from robot.core.navigators.proof import Proof, chain_width_mm, turn, void
+from robot.core.navigators.proof import (
+    SIGMAS,
+    Proof,
+    chain_width_mm,
+    position_sigma_m,
+    turn,
+    void,
+)
 from robot.core.perception.echoes import BRADS, CIRCLE, NOTHING
 from robot.core.ring import CONE, SONARS
 from robot.core.values import EVERY, Pose, whole_cos_sin
@@ -29,7 +36,7 @@ ROUNDS: Final = 2  # so that nobody who passes by is taken for a wall
 MOVED_MM: Final = 30  # farther from where the turn began, it begins again
 MAX_GAP: Final = 4  # bins from an echo to the next one
 UNIT_MM: Final = 4  # of the distances; they are rounded up
-MAX_AWAY: Final = 130  # where there was no echo
+MAX_AWAY: Final = 130  # no echo that counts is farther away; also where there was none
 FIRST: Final = int(BRADS * -0.5 * (SONARS - 1) * CONE)
 NEXT: Final = int(BRADS * CONE)
 COSINES: Final = tuple(
@@ -109,6 +116,12 @@ def is_shut(proof: Proof, path: Loops) -> bool:
                 return False
         last, there = k, here
     return last >= BINS
+
+
+def is_outside(proof: Proof, distance_m: float) -> bool:
+    """Return whether the true goal is farther away than any surface that shuts the robot in."""
+    nearest_m = distance_m - SIGMAS * position_sigma_m(proof.odometry)
+    return nearest_m > 0.001 * UNIT_MM * MAX_AWAY
 
 
 def to_middle(proof: Proof, path: Loops) -> None:

@@ -214,7 +214,7 @@ def hold(memory: VgmMemory, sector: int) -> None:
 def follow(memory: VgmMemory, pose: Pose, distance_m: float) -> None:
     """Take the first open heading from the followed point on, on the latched side."""
     if memory.dwell < 0:
-        look_round(memory, pose)
+        look_round(memory, pose, distance_m)
         return
     x_mm, y_mm = int(1000.0 * pose.x_m), int(1000.0 * pose.y_m)
     if not is_held(memory) and not regain(memory, x_mm, y_mm):
@@ -331,7 +331,7 @@ def stay(memory: VgmMemory, pose: Pose, choices: int) -> bool:
     return True
 
 
-def look_round(memory: VgmMemory, pose: Pose) -> None:
+def look_round(memory: VgmMemory, pose: Pose, distance_m: float) -> None:
     """Turn once round on the spot, then in the middle; give up if there is no way out.
 
     Else drop all echoes: the robot has been kept here by some that are false or old.
@@ -347,7 +347,7 @@ def look_round(memory: VgmMemory, pose: Pose) -> None:
     memory.heading = int(BRADS * pose.heading_rad) + memory.side * QUARTER
     if not look_around.is_round(proof):
         return
-    if look_around.is_shut(proof, path):
+    if look_around.is_shut(proof, path) and look_around.is_outside(proof, distance_m):
         proof.closed += 1
         memory.given_up = proof.closed >= look_around.ROUNDS
         look_around.new_round(proof, path)

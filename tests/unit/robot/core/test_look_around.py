@@ -4,6 +4,8 @@ from itertools import pairwise
 
 from plant.world.file import loads
 from protocol.outcome import RunOutcome
+from robot.core.navigators.look_around import is_outside
+from robot.core.navigators.proof import Proof
 from study.trial.trial import Trial, run_trial
 from tests.support.each import each
 
@@ -38,6 +40,18 @@ def test_closed_cell_is_recognised(side_m: float, within_s: float, level: str) -
     outcome = drive_out(list(pairwise(corners(side_m, beside_m))), level, 100.0 * side_m)
     assert outcome.outcome == "unreachable"
     assert outcome.time_s <= within_s
+
+
+@each(
+    ("distance_m", "sigma_m", "outside"),
+    [(0.53, 0.0, True), (0.52, 0.0, False), (0.7, 0.05, False)],
+)
+def test_goal_that_may_be_within_the_cell_proves_nothing(
+    distance_m: float, sigma_m: float, outside: bool
+) -> None:
+    proof = Proof()
+    proof.odometry.pxx = proof.odometry.pyy = sigma_m * sigma_m
+    assert is_outside(proof, distance_m) is outside
 
 
 @each("level", LEVELS)
