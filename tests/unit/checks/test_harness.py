@@ -18,7 +18,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from checks import built as cache
-from checks.built import ROOT, BuildError, built, environment, key_of
+from checks.built import ROOT, BuildError, built, environment, key_of, node_modules
 from checks.harness import observer as motion
 from checks.harness.figures import BenchmarkReport, Figure, digits, percentile, ratios
 from checks.harness.loop import PlayedLoop
@@ -390,6 +390,56 @@ def test_key_depends_on_contents_and_facts_only() -> None:
 def test_failed_installation_of_a_client_says_why() -> None:
     with pytest.raises(BuildError, match=r"pip .*: .*none-of-this-name"):
         environment("none", ["./none-of-this-name"])
+
+
+NPM = """\
+#!/bin/sh
+# As `npm pack --silent --pack-destination PLACE NAME@VERSION ...`.
+[ "$1 $2 $3" = "pack --silent --pack-destination" ] || { echo "no such options: $*"; exit 1; }
+place=$4
+shift 4
+for pin; do
+    case $pin in *none*) echo "404 Not Found: $pin"; exit 1;; esac
+    mkdir -p "$place/made/package"
+    echo "$pin" >"$place/made/package/index.js"
+    file=$(echo "$pin" | sed 's|^@||; s|/|-|g; s|@|-|').tgz
+    tar -C "$place/made" -czf "$place/$file" package
+done
+"""
+
+
+@pytest.fixture
+def npm(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Put a program before `npm` that packs a file with the name of each package."""
+    program = tmp_path / "programs" / "npm"
+    program.parent.mkdir()
+    program.write_text(NPM)
+    program.chmod(0o755)
+    monkeypatch.setenv("PATH", f"{program.parent}:{os.environ['PATH']}")
+    return program
+
+
+@pytest.mark.usefixtures("home", "npm")
+def test_packages_of_npm_lie_where_node_finds_them() -> None:
+    place = node_modules("some", ["serial@1.2.0", "@scope/stream@3.0.1-b"])
+    assert place.name == "node_modules"
+    found = {str(file.parent.relative_to(place)): file.read_text() for file in place.rglob("*.js")}
+    assert found == {
+        "serial": "serial@1.2.0\n",
+        "@scope/stream": "@scope/stream@3.0.1-b\n",
+    }
+    assert sorted(path.name for path in place.parent.iterdir() if path.is_dir()) == [place.name]
+
+
+@pytest.mark.usefixtures("home")
+def test_packages_of_npm_that_are_missing_say_why(npm: Path) -> None:
+    with pytest.raises(BuildError, match=r"pack .*none@1: 404 Not Found: none@1"):
+        node_modules("some", ["serial@1.2.0", "none@1"])
+    npm.unlink()
+    with pytest.MonkeyPatch.context() as bare:
+        bare.setenv("PATH", str(npm.parent))
+        with pytest.raises(BuildError, match="npm is not installed"):
+            node_modules("some", ["serial@1.2.0"])
 
 
 @pytest.mark.usefixtures("home")
