@@ -47,7 +47,9 @@ def fields_of_class(kind: Any) -> list[tuple[str, Any]]:
 def random_value(kind: Any, rng: random.Random) -> Any:
     """Return a random value of a type."""
     if isinstance(kind, AbstractNestedType):
-        size = rng.randrange(4) if isinstance(kind, AbstractSequence) else kind.size
+        # Beyond the bound of a sequence, ROS writes what lies in memory.
+        most = min(3, getattr(kind, "maximum_size", 3))
+        size = rng.randint(0, most) if isinstance(kind, AbstractSequence) else kind.size
         values = [random_value(kind.value_type, rng) for _ in range(size)]
         return b"".join(values) if values and isinstance(values[0], bytes) else values
     if isinstance(kind, NamespacedType):
