@@ -8,7 +8,7 @@ what no echo means.
 """
 
 from collections.abc import Sequence
-from math import atan2, cos, degrees, hypot, inf, isnan, nan, radians, sin
+from math import atan2, cos, degrees, hypot, inf, isfinite, isnan, nan, radians, sin
 from typing import Final
 
 from gateways.mavlink import ardupilot, coordinates, robot_port
@@ -169,10 +169,13 @@ def goal_status(vehicle: MavVehicle) -> NavigatorStatus | None:
 def nav_controller(vehicle: MavVehicle, now_ns: int) -> Sequence[MavMessage]:
     """Return NAV_CONTROLLER_OUTPUT while the robot drives to a goal, as ArduPilot's Rover sends it.
 
-    Both bearings are that of the goal: the navigator publishes no desired heading.
+    Both bearings are that of the goal: the navigator publishes no desired heading. The distance is
+    infinite until the robot has first driven to a goal, and on the way to other targets before it.
     """
     status, found = goal_status(vehicle), pose_of(vehicle)
     if status is None or found is None:
+        return ()
+    if not all(map(isfinite, (status.goal_x_m, status.goal_y_m, status.goal_distance_m))):
         return ()
     ahead_m, left_m = status.goal_x_m - found[0].x_m, status.goal_y_m - found[0].y_m
     bearing_deg = round(degrees(coordinates.yaw_of(atan2(left_m, ahead_m)))) % 360

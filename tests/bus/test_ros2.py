@@ -11,6 +11,7 @@ from random import Random
 from typing import Any
 
 import pytest
+import zenoh
 
 from checks.harness.in_process import ignore
 from checks.harness.until import PATIENCE_S
@@ -479,7 +480,9 @@ async def test_false_frames_are_dropped_and_counted(stack: Paced, peer: RosPeer)
             (b"", beside),
             (whole + bytes(MAX_BYTES), beside),
         ):
-            peer.session.put(key, data, attachment=attachment)
+            peer.session.put(
+                key, data, attachment=attachment, congestion_control=zenoh.CongestionControl.BLOCK
+            )
         await until(lambda: face.node.session.rejected == 6)
 
         def ask(data: bytes, attachment: bytes | None) -> list[Any]:

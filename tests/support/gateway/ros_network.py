@@ -142,7 +142,13 @@ class RosPeer:
 
     def put(self, name: str, type_name: str, message: object) -> None:
         data = self.interfaces.encode(type_name, message)
-        self.session.put(self.key(name, type_name), data, attachment=self.attachment())
+        # As a reliable publisher of ROS: by default Zenoh drops what a busy link cannot take.
+        self.session.put(
+            self.key(name, type_name),
+            data,
+            attachment=self.attachment(),
+            congestion_control=zenoh.CongestionControl.BLOCK,
+        )
 
     async def ask(self, name: str, type_name: str, request: object = None) -> Any:
         """Return the answer of a service; AssertionError for one that is none."""

@@ -1,11 +1,13 @@
 """Telemetry as MAVLink: frames of reference, heartbeat, position, sonars and health."""
 
-from math import atan2, cos, isnan, nan, pi, radians, sin
+from collections import Counter
+from math import atan2, cos, inf, isnan, nan, pi, radians, sin
 from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from gateways.mavlink import coordinates, telemetry_messages
 from gateways.mavlink.ardupilot import state_of
@@ -309,6 +311,29 @@ def test_no_way_is_shown_without_a_goal(changes: dict[str, Any]) -> None:
     bench = on_the_way(**changes)
     for build in (telemetry_messages.nav_controller, telemetry_messages.position_target):
         assert list(build(bench.vehicle, bench.now_ns)) == []
+
+
+@each("value", [nan, inf, -inf, 1e308, -1e308])
+def test_no_number_of_a_robot_ends_the_gateway(value: float) -> None:
+    encoder, built_of = mavlink.MAVLink(None, 1, 1), Counter[str]()
+    way = everything() | {"status": status(**TO_GOAL, mode=Mode.AUTO, goal_heading_rad=0.0)}
+    for topic, message in way.items():
+        for field in message.__struct_fields__:
+            usual = getattr(message, field)
+            if isinstance(usual, float):
+                changed = replace(message, **{field: value})
+            elif isinstance(usual, tuple) and isinstance(usual[0], float):
+                changed = replace(message, **{field: (value, *usual[1:])})
+            else:
+                continue
+            bench = bench_with(**way | {topic: changed})
+            bench.face = face_of(bench.vehicle)
+            for source in bench.vehicle.catalogue:
+                for part in source.build(bench.now_ns):
+                    part.pack(encoder)
+                    built_of[topic] += 1
+    assert built_of["odometry"] > 100
+    assert built_of["status"] > 100
 
 
 def test_hud_shows_speed_and_compass() -> None:
