@@ -15,8 +15,10 @@ from gateways.mavlink.robot_port import (
     OVERTAKEN,
     STOPS,
     Answered,
+    Refusal,
     Snapshot,
     StopPress,
+    permitted,
 )
 from ground.client import stop_ways
 from ground.client.emergency_stop import EmergencyStop
@@ -269,16 +271,18 @@ class BusPort:
                     found.append(message)
         return found
 
-    async def perform(self, operation: Operation[Any], name: str = "") -> Answered:
-        """Perform an operation; operations of one robot run one after another.
+    async def perform(
+        self, operation: Operation[Any], name: str = "", refusal: Refusal = permitted
+    ) -> Answered:
+        """Perform an operation, unless there is a refusal at its turn.
 
-        One that only stops the robot runs at once. What was asked before it and has not begun does
-        not move the robot any more; if something has, the stop is repeated after it. What is asked
-        after it waits for its answer.
+        Operations of one robot run one after another. One that only stops the robot runs at once.
+        What was asked before it and has not begun does not move the robot any more; if something
+        has, the stop is repeated after it. What is asked after it waits for its answer.
         """
         job, moves = partial(operation.perform, self._robot), operation.moves
         if not isinstance(operation, STOPS):
-            return await self._request(job, name, expires=moves, moves=moves)
+            return await self._request(job, name, expires=moves, moves=moves, refusal=refusal)
         if len(self._tasks) >= MAX_WAITING + MAX_HALTS:
             return Answered(None, BUSY)
 
@@ -348,12 +352,19 @@ class BusPort:
         return bool(arrived_ns) and now_ns - max(arrived_ns) >= SILENT_NS
 
     async def _request(
-        self, job: Job, name: str, *, is_tried: bool = False, expires: bool, moves: bool = False
+        self,
+        job: Job,
+        name: str,
+        *,
+        is_tried: bool = False,
+        expires: bool,
+        moves: bool = False,
+        refusal: Refusal = permitted,
     ) -> Answered:
         """Carry out a request of the client with this name when it is its turn.
 
         `is_tried`: also to a silent robot; `expires`: only for a short time; `moves`: only if no
-        stop overtakes it.
+        stop overtakes it; `refusal` is asked then.
         """
         asked_ns, halts = self._link.bus.now_ns(), self._halts
 
@@ -363,6 +374,9 @@ class BusPort:
                 raise RemoteError(NO_TELEMETRY)
             if expires and self._link.bus.now_ns() - asked_ns >= LATE_NS:
                 raise RemoteError(BUSY)
+            refused = refusal()
+            if refused is not None:
+                return refused
             if not moves:
                 return await job()
             if self._halts != halts:

@@ -11,11 +11,20 @@ MAVSDK answer PING. MAVProxy and most scripts answer nothing, and send one HEART
 
 import asyncio
 from collections.abc import Awaitable, Callable, Collection
+from functools import partial
 from typing import Any, Final, NamedTuple
 
 from gateways.mavlink.mav_service import Outbox, Sender
 from gateways.mavlink.mavlink_dialect import mavlink
-from gateways.mavlink.robot_port import KEEPS_FENCE, OVERTAKEN, STOPS, Answered, RobotPort, Snapshot
+from gateways.mavlink.robot_port import (
+    KEEPS_FENCE,
+    OVERTAKEN,
+    STOPS,
+    Answered,
+    RobotPort,
+    Snapshot,
+    permitted,
+)
 from ground.client.lease_holder import is_ours
 from ground.client.missions import TransferOutcome
 from ground.client.outcomes import Accepted, Operation, Outcome, Refused
@@ -200,14 +209,16 @@ class OperatorControl:
         self.stops += is_stop
         self._stopping += is_stop
         stops, name = self.stops, name_of(sender)
+        # Another client may get control while the operation waits for its turn.
+        refusal = partial(self._refused, sender) if operation.moves else permitted
         try:
-            answered = await self._port.perform(operation, name)
+            answered = await self._port.perform(operation, name, refusal)
             while is_early is not None and await is_early(answered):
                 if self.stops != stops:
                     answered = Answered(None, OVERTAKEN)
                 if self.stops != stops or not self.holds(sender):
                     break
-                answered = await self._port.perform(operation, name)
+                answered = await self._port.perform(operation, name, refusal)
         finally:
             self._stopping -= is_stop
         is_refused = has_refused(answered.outcome) and self.serial == serial
@@ -228,6 +239,10 @@ class OperatorControl:
         if station is None or self.holds(sender) or is_back(station, sender):
             return None
         return held_by(station, sender)
+
+    def _refused(self, sender: Sender) -> Outcome | None:
+        refusal = self.refusal(sender)
+        return None if refusal is None else refusal.outcome
 
     def admission(self, sender: Sender) -> Answered:
         """Return whether the sender may ask for control, without taking it."""

@@ -3,7 +3,7 @@
 The telemetry also tells why the robot cannot be armed.
 """
 
-from collections.abc import Awaitable, Mapping
+from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any, Final, NamedTuple, Protocol
@@ -100,6 +100,15 @@ class StopPress(NamedTuple):
     ended: Awaitable[Answered] | None
 
 
+Refusal = Callable[[], Outcome | None]
+"""Returns why a request is refused after all, when its turn comes; None if it is not."""
+
+
+def permitted() -> Outcome | None:
+    """Refuse nothing."""
+    return None
+
+
 class RobotPort(Protocol):
     """One robot. No call blocks."""
 
@@ -120,10 +129,13 @@ class RobotPort(Protocol):
     def new_texts(self) -> list[Statustext]:
         """Return the robot's texts, in pieces, that have arrived since the last call."""
 
-    async def perform(self, operation: Operation[Any], name: str = "") -> Answered:
-        """Perform an operation; operations of one robot run one after another.
+    async def perform(
+        self, operation: Operation[Any], name: str = "", refusal: Refusal = permitted
+    ) -> Answered:
+        """Perform an operation, unless there is a refusal at its turn.
 
-        `name` is that of the client that asks, for other operators.
+        Operations of one robot run one after another. `name` is that of the client that asks, for
+        other operators.
         """
 
     async def change_lease(self, action: LeaseAction, name: str) -> Answered:

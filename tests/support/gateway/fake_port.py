@@ -13,7 +13,7 @@ from gateways.mavlink.endpoints import Endpoint
 from gateways.mavlink.mav_service import MavService, Sender
 from gateways.mavlink.mav_vehicle import Face, MavVehicle
 from gateways.mavlink.mavlink_dialect import MavMessage, mavlink
-from gateways.mavlink.robot_port import Answered, Snapshot, StopPress
+from gateways.mavlink.robot_port import Answered, Refusal, Snapshot, StopPress, permitted
 from gateways.mavlink.services import face_of
 from gateways.mavlink.signing import SigningGuard
 from gateways.mavlink.traffic_recorder import TrafficRecorder
@@ -102,6 +102,8 @@ class FakePort:
         self.performed: list[Any] = []
         self.names: list[str] = []
         """Of the clients that have asked for them."""
+        self.refusals: list[Refusal] = []
+        """What the port would ask at their turns."""
         self.leases: list[tuple[LeaseAction, str]] = []
         self.holder = ""
         self.stops: list[Callable[[Answered], None]] = []
@@ -123,11 +125,14 @@ class FakePort:
         taken, self.texts = self.texts, []
         return taken
 
-    async def perform(self, operation: Operation[Any], name: str = "") -> Answered:
+    async def perform(
+        self, operation: Operation[Any], name: str = "", refusal: Refusal = permitted
+    ) -> Answered:
         """Keep the operation for `answer`."""
         end: asyncio.Future[Answered] = asyncio.get_running_loop().create_future()
         self.performed.append(operation)
         self.names.append(name)
+        self.refusals.append(refusal)
         self.waiting.append((operation, end.set_result))
         return await end
 
@@ -386,11 +391,13 @@ class SilentPort(FakePort):
 class CommandedPort(SilentPort):
     """A robot that never answers what is only read, so that the rest stands alone."""
 
-    async def perform(self, operation: Operation[Any], name: str = "") -> Answered:
+    async def perform(
+        self, operation: Operation[Any], name: str = "", refusal: Refusal = permitted
+    ) -> Answered:
         """Keep the operation unless it only reads."""
         if isinstance(operation, (ShowParameters, FetchMission, ShowFence)):
             await asyncio.get_running_loop().create_future()
-        return await super().perform(operation, name)
+        return await super().perform(operation, name, refusal)
 
 
 class WholeGateway(PlayedGateway):

@@ -33,6 +33,7 @@ from gateways.mavlink.mavlink_dialect import mavlink
 from gateways.mavlink.robot_port import NO_TELEMETRY, OVERTAKEN, Answered, StopPress
 from gateways.mavlink.services import face_of
 from ground.client.connection import Common
+from ground.client.outcomes import Outcome, Refused
 from ground.client.robot_link import RobotLink
 from ground.commands.arm import Arm
 from ground.commands.disarm import Disarm
@@ -224,6 +225,19 @@ def test_request_that_its_client_gave_up_does_not_act(room: Room) -> None:
     room.gate.set()
     assert room.wait(2) == ["", BUSY]
     assert set(room.asked) == {Command.DO_PAUSE_CONTINUE}
+
+
+def test_request_that_is_no_longer_permitted_at_its_turn_does_not_act(room: Room) -> None:
+    room.gate.clear()
+    room.perform(Resume())
+    refused: list[Outcome] = []
+    room.start(room.port.perform(Arm(), "MAVLink 254", lambda: next(iter(refused), None)))
+    room.perform(ShowParameters())
+    refused.append(Refused(Reason.LEASE_HELD, 0, "MAVLink 255"))
+    room.gate.set()
+    room.wait(3)
+    assert room.answers[1].outcome is refused[0]
+    assert params(room) == [1.0]
 
 
 def params(room: Room) -> list[float]:

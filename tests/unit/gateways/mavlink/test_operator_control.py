@@ -19,18 +19,28 @@ from gateways.mavlink.mavlink_dialect import (
     MavMessage,
     mavlink,
 )
-from gateways.mavlink.operator_control import BUSY, MAX_TAKING, SILENCE_NS
+from gateways.mavlink.operator_control import BUSY, MAX_TAKING, SILENCE_NS, held_by
 from gateways.mavlink.robot_port import OVERTAKEN, Answered
 from gateways.mavlink.streams import MessageRequests, StreamScheduler
 from ground.client.outcomes import Accepted, Refused
 from ground.commands.arm import Arm
+from ground.commands.fence import ShowFence
 from ground.commands.hold import Hold
 from ground.commands.resume import Resume
 from protocol.wire.enums import LeaseAction
 from protocol.wire.messages import LeaseStatus
 from protocol.wire.reasons import Reason
 from tests.support.each import each
-from tests.support.gateway.fake_port import CLIENT, IDENTITY, OTHER, Bench, acks, command, words
+from tests.support.gateway.fake_port import (
+    CLIENT,
+    IDENTITY,
+    LOOP,
+    OTHER,
+    Bench,
+    acks,
+    command,
+    words,
+)
 
 CONTROL = 32100
 ACCEPTED, DENIED, FAILED = 0, 2, 4
@@ -232,6 +242,17 @@ def test_command_of_another_client_is_refused() -> None:
     bench.perform(OTHER, Arm(), answers)
     assert reason_of(answers[0]) == Reason.LEASE_HELD
     assert "MAVLink 255" in answers[0].text
+
+
+def test_command_that_waits_is_refused_once_another_client_has_control() -> None:
+    bench = Bench()
+    bench.perform(CLIENT, Arm())
+    bench.perform(CLIENT, ShowFence())
+    arming, reading = bench.port.refusals
+    assert arming() is None
+    LOOP.run(bench.vehicle.control.request(OTHER, allow_takeover=True))
+    assert arming() == held_by(OTHER, CLIENT).outcome
+    assert reading() is None
 
 
 SAME = OTHER._replace(system=CLIENT.system)
