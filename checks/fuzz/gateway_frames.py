@@ -29,7 +29,7 @@ from gateways.mavlink.mavlink_dialect import (
     MissionCount,
     mavlink,
 )
-from gateways.mavlink.robot_port import Answered, Snapshot, StopPress
+from gateways.mavlink.robot_port import Answered, Refusal, Snapshot, StopPress, permitted
 from gateways.mavlink.services import face_of
 from gateways.mavlink.signing import EPOCH_S, PER_S, STAMP_NS, Policy, SigningGuard
 from ground.client.missions import TransferOutcome
@@ -115,7 +115,9 @@ class AnsweringRobot:
         """Return no texts."""
         return []
 
-    async def perform(self, operation: Operation[Any], name: str = "") -> Answered:
+    async def perform(
+        self, operation: Operation[Any], name: str = "", refusal: Refusal = permitted
+    ) -> Answered:
         """Keep the request."""
         return await self._kept(operation)
 

@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from checks.harness.played_gateway import LOOP
 from gateways.mavlink.commands.command_protocol import CommandService
 from gateways.mavlink.commands.control_commands import OperatorCommands
 from gateways.mavlink.commands.vehicle_commands import ArmingCommands
@@ -34,7 +35,6 @@ from tests.support.each import each
 from tests.support.gateway.fake_port import (
     CLIENT,
     IDENTITY,
-    LOOP,
     OTHER,
     Bench,
     acks,
