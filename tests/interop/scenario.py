@@ -21,7 +21,8 @@ class Client(NamedTuple):
     """A client: its module, its environment (None: that of the project), and its arguments.
 
     `steps` are those of the scenario that it can do. One that `listens` sends no heartbeat: by UDP
-    it waits for the robot's first message.
+    it waits for the robot's first message. One that `hangs` waits for a lost frame without end, and
+    is not tried on a line that loses frames.
     """
 
     name: str
@@ -30,6 +31,7 @@ class Client(NamedTuple):
     arguments: tuple[str, ...] = ()
     steps: tuple[str, ...] = STEPS
     listens: bool = False
+    hangs: bool = False
 
     @property
     def is_real(self) -> bool:
@@ -50,7 +52,7 @@ CLIENTS: Final = (
     Client("mavsdk", "mavsdk_client", "mavsdk"),
     Client("dronekit", "dronekit_client", "dronekit"),
     Client("dronekit2", "dronekit_client", "dronekit2"),
-    Client("mavkit", "mavkit_client", "mavkit", steps=without("log"), listens=True),
+    Client("mavkit", "mavkit_client", "mavkit", steps=without("log"), listens=True, hangs=True),
     Client("node_mavlink", "node_client", "node_mavlink"),
     Client("configurator", "configurator_client", "configurator", steps=CONFIGURED, listens=True),
     Client("qgroundcontrol", "shaped_client", None, ("qgroundcontrol",)),

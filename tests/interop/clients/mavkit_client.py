@@ -4,6 +4,7 @@ It has no calls for logs.
 """
 
 import asyncio
+import os
 from collections.abc import Callable, Coroutine, Sequence
 from functools import partial
 from typing import Any, Final
@@ -61,11 +62,7 @@ class Robot:
         raise AssertionError
 
     async def _awaited(self, call: Callable[[], Coroutine[Any, Any, Any]]) -> Any:
-        try:
-            return await asyncio.wait_for(call(), CALL_S)
-        except TimeoutError:
-            self.vehicle.cancel_mission_transfer()  # it waits for a lost MISSION_ACK for ever
-            raise
+        return await asyncio.wait_for(call(), CALL_S)
 
     def seen(self) -> str:
         """Return what MavKit shows, for the message of a failure."""
@@ -109,7 +106,10 @@ def main() -> None:
         robot.until(
             lambda: robot.vehicle.state.system_status == SystemStatus.Emergency, "the emergency"
         )
-    steps.end()
+    try:
+        steps.end()
+    except SystemExit as end:
+        os._exit(int(end.code or 0))  # its threads may abort while Python ends
 
 
 def prepare(robot: Robot, steps: Steps) -> None:
