@@ -314,7 +314,7 @@ class RequestInvariants:
                         f"a stop was accepted in vehicle state {machine.vehicle}",
                     )
             elif request.command == Command.SIDESTEP_SET_POSE:
-                facts.is_placed = True
+                facts.is_placed, facts.placed_ns = True, now_ns
             elif request.command == Command.COMPONENT_ARM_DISARM and request.param1:
                 facts.armed_ns = now_ns
         if ok:

@@ -319,6 +319,8 @@ class RunState:
         """Time of the plant's tick that the newest forged wheel command answers."""
         self.is_placed = False
         """True once an operator has set the pose, by which the robot keeps within its fence."""
+        self.placed_ns = NEVER
+        """When the pose was last set."""
         self.armed_ns = NEVER
         """Last time the robot was armed or started."""
         self.awake_ns = NEVER
