@@ -52,12 +52,26 @@ class MavFrame(NamedTuple):
 
 def is_emergency_stop(frame: MavFrame) -> bool:
     """Return whether a frame is a DO_FLIGHTTERMINATION that stops the robot."""
+    param1, command = _command(frame)
+    return command == mavlink.MAV_CMD_DO_FLIGHTTERMINATION and param1 > 0.5
+
+
+def may_release(frame: MavFrame) -> bool:
+    """Return whether a frame may release an emergency stop, as a forced arming does, too."""
+    param1, command = _command(frame)
+    if command == mavlink.MAV_CMD_DO_FLIGHTTERMINATION:
+        return not param1 > 0.5
+    return command == mavlink.MAV_CMD_COMPONENT_ARM_DISARM and param1 != 0.0
+
+
+def _command(frame: MavFrame) -> tuple[float, int]:
+    """Return parameter 1 and the number of a command; 0 for a frame that is none."""
     if frame.number not in COMMANDS:
-        return False
+        return 0.0, 0
     header = HEADER_V1 if frame.is_mavlink1 else HEADER_SIZE
     payload = frame.data[header : header + frame.data[1]].ljust(STOP_LAYOUT.size, b"\0")
     param1, command = STOP_LAYOUT.unpack_from(payload)
-    return bool(command == mavlink.MAV_CMD_DO_FLIGHTTERMINATION and param1 > 0.5)
+    return param1, command
 
 
 def begins_with_frame(data: bytes) -> bool:
@@ -182,9 +196,18 @@ class Deframer:
         if not _is_intact(frame, known.crc_extra):
             return self._wrong(at)
         self._begins = False
-        if self._passed + at not in self._taken:
+        if not self._is_over(frame, self._passed + at):
             found.append(frame)
         return at + size
+
+    def _is_over(self, frame: MavFrame, place: int) -> bool:
+        """Return whether a frame was taken before, or would release a stop that was sent after it.
+
+        It gets no answer then, and its client repeats it.
+        """
+        if not self._taken:
+            return False
+        return place in self._taken or (place < max(self._taken) and may_release(frame))
 
     def _wrong(self, at: int) -> int:
         self.malformed += 1

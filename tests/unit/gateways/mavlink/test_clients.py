@@ -142,6 +142,21 @@ def test_no_frame_between_a_false_start_and_a_stop_is_lost() -> None:
     assert [one.data for one in later] == [other, packed()]
 
 
+FORCED = 2989.0
+
+
+@each("number", [185, 400])
+@each("mavlink1", [False, True])
+def test_release_sent_before_a_stop_found_behind_it_is_dropped(number: int, mavlink1: bool) -> None:
+    values = (0.0, 0.0) if number == 185 else (1.0, FORCED)
+    message = mavlink.MAVLink_command_long_message(1, 1, number, 0, *values, 0, 0, 0, 0, 0)
+    release, stop = (packed(one, mavlink1=mavlink1) for one in (message, STOP_FROM_CLIENT))
+    deframer = Deframer()
+    assert [one.data for one in taken(deframer, STUCK + release + stop + release)] == [stop]
+    later = taken(deframer, packed(), UNFINISHED_NS)
+    assert [one.data for one in later] == [release, packed()], "that from after the stop"
+
+
 def test_decoys_do_not_hold_up_the_search_for_a_stop() -> None:
     deframer, decoy = Deframer(), b"\xfe\x00\x00\x00\x00\x4c"
     for byte in (b"\x4a", b"\x4b", b"\x4c", b"\x4d"):
