@@ -17,7 +17,7 @@ help:
 	echo "make up      plant, robot and a goal; ARGS=\"--world u_trap --navigator bug\" for another run"
 	echo "make firmware  the control core for an emulated LPC1768, in build/firmware"
 	echo "make test    the checks for each change, about two minutes; ARGS=\"ground/client\" for the tests of a room"
-	echo "make gate    every check, about twelve minutes; needs Docker, a compiler, an emulator and a browser"
+	echo "make gate    every check, about fourteen minutes; needs Docker, a compiler, an emulator and a browser"
 	echo "make gate-afresh  .ci/run on a system without anything, made by debootstrap; as root"
 	echo "make brief   choose the tests of make test again, after new modules"
 	echo "make ros2-check  the ros2 command line against a robot, in a container of ROS; ARGS=kilted"

@@ -114,7 +114,7 @@ def brief_phases(extra: Sequence[str]) -> list[Phase]:
                 GateStep("import contracts", (lint_imports,), 3),
                 GateStep("counted work", (*PYTHON, "checks.speed.counts"), 5),
                 GateStep("branch coverage", (*PYTHON, "checks.mutation", "--branches"), 8),
-                tests("brief tests", ELSEWHERE, checked, 70),
+                tests("brief tests", ELSEWHERE, checked, 79),
             ],
         ],
     ]
@@ -134,26 +134,26 @@ def rest_phases(extra: Sequence[str]) -> list[Phase]:
     mutation = (*PYTHON, "checks.mutation", "--module", "emergency_stop")
     return [
         [
-            [tests("tests", ELSEWHERE, computing, 220)],
+            [tests("tests", ELSEWHERE, computing, 306)],
             [
                 GateStep("images", (*PYTHON, "tests.support.images"), 20),
                 GateStep("MAVLink clients", (*PYTHON, "tests.interop.environments", *extra), 8),
                 GateStep("firmware", (*PYTHON, "checks.built", "firmware"), 25),
                 GateStep("documentation", (*PYTHON, "checks.site"), 15),
-                GateStep("mutation of the stop", mutation, 8),
+                GateStep("mutation of the stop", mutation, 32),
             ],
         ],
         [
-            [tests("tests with processes", PROCESSES, (*four, *extra, *FOLDERS), 270)],
+            [tests("tests with processes", PROCESSES, (*four, *extra, *FOLDERS), 340)],
             [
                 tests(
-                    "tests with MAVLink clients", CLIENTS, ("-n", "4", *extra, "tests/interop"), 30
+                    "tests with MAVLink clients", CLIENTS, ("-n", "4", *extra, "tests/interop"), 53
                 ),
-                tests("tests with containers", CONTAINERS, (*extra, "tests/compose"), 120),
-                tests("tests with the firmware", "mcu", ("-n", "2", *extra, "tests/mcu"), 50),
+                tests("tests with containers", CONTAINERS, (*extra, "tests/compose"), 160),
+                tests("tests with the firmware", "mcu", ("-n", "2", *extra, "tests/mcu"), 73),
             ],
         ],
-        [[tests("tests of real time", "realtime", ("-s", *extra, *FOLDERS), 55)]],
+        [[tests("tests of real time", "realtime", ("-s", *extra, *FOLDERS), 70)]],
     ]
 
 
